@@ -1,0 +1,38 @@
+"""IrradianceMap: light arriving at each texel of one tile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class IrradianceMap:
+    """Irradiance per light, zero where the atlas is empty.
+
+    Attributes
+    ----------
+    tile : int
+    lights : tuple of str
+        Names, in the order of the look.
+    rgb : ndarray of shape (L, H, W, 3), float32
+        Irradiance of each light, W/m^2-like, linear Rec.709; includes shadowing and, where the look says so,
+        rho_dt(N.L) of the oil layer.
+    visibility : ndarray of shape (L, H, W), float32
+        Unshadowed share of each light, 0 ... 1; shadows the specular in the preview.
+    coverage : ndarray of shape (H, W), float32
+        Of the atlas.
+    """
+
+    tile: int
+    lights: tuple[str, ...]
+    rgb: NDArray[np.float32]
+    visibility: NDArray[np.float32]
+    coverage: NDArray[np.float32]
+
+    @property
+    def total(self) -> NDArray[np.float32]:
+        """Sum over lights, (H, W, 3)."""
+        return self.rgb.sum(axis=0, dtype=np.float32)

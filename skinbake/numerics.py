@@ -1,0 +1,46 @@
+"""Arithmetic with its edge cases decided once; nothing here knows of skin."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Float = NDArray[np.float64]
+
+
+def sqr(x: ArrayLike) -> Float:
+    """x * x."""
+    x = np.asarray(x, dtype=np.float64)
+    return x * x
+
+
+def safe_sqrt(x: ArrayLike, round_off: float = 1e-9) -> Float:
+    """Square root that takes round-off below zero as zero.
+
+    Raises
+    ------
+    ValueError
+        If a value lies below `-round_off`: that is an error upstream, not round-off.
+    """
+    x = np.asarray(x, dtype=np.float64)
+    if np.any(x < -round_off):
+        raise ValueError(f"safe_sqrt: expected values >= -{round_off}, got {x.min()}")
+    return np.sqrt(np.maximum(x, 0.0))
+
+
+def safe_div(num: ArrayLike, den: ArrayLike) -> Float:
+    """num / den, and 0 where den is 0: an uncovered texel holds no light, not NaN."""
+    num, den = np.broadcast_arrays(np.asarray(num, dtype=np.float64), np.asarray(den, dtype=np.float64))
+    return np.divide(num, den, out=np.zeros(num.shape), where=den != 0)
+
+
+def normalized(vectors: ArrayLike) -> Float:
+    """Vectors of shape (..., 3) scaled to length 1; a zero vector stays zero."""
+    vectors = np.asarray(vectors, dtype=np.float64)
+    return safe_div(vectors, np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def gaussian_2d(variance_mm2: ArrayLike, radius_mm: ArrayLike) -> Float:
+    """Radial Gaussian of unit integral over the plane, mm^-2; THEORY (4.1): exp(-r^2/2v) / (2 pi v)."""
+    variance_mm2 = np.asarray(variance_mm2, dtype=np.float64)
+    return np.exp(-sqr(radius_mm) / (2 * variance_mm2)) / (2 * np.pi * variance_mm2)

@@ -1,0 +1,40 @@
+"""SkinMaps: the texture maps of a look as float32 arrays, decoded to linear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class SkinMaps:
+    """Maps by UDIM tile (1001 for a single texture); a missing tile falls back to the constant.
+
+    Row 0 is v = 1, texel centres lie at (i + 0.5) / size; sizes may differ from map to map.
+
+    Attributes
+    ----------
+    albedo : dict of int to ndarray of shape (h, w, 3)
+        Linear Rec.709.
+    albedo_rgb : tuple of 3 floats
+        Where there is no albedo map.
+    normal : dict of int to ndarray of shape (h, w, 3)
+        Unit-length is not assumed; x, y, z in -1 ... 1, green already in the OpenGL sense.
+    normal_space : "tangent" or "object"
+    normal_strength : float
+        Scales the tangent-space slope.
+    roughness, specular : dict of int to ndarray of shape (h, w)
+        Beckmann m (absolute, 0 ... 1) and factor on rho_s.
+    """
+
+    albedo: dict[int, Image] = field(default_factory=dict)
+    albedo_rgb: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    normal: dict[int, Image] = field(default_factory=dict)
+    normal_space: str = "tangent"
+    normal_strength: float = 1.0
+    roughness: dict[int, Image] = field(default_factory=dict)
+    specular: dict[int, Image] = field(default_factory=dict)

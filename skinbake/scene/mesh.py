@@ -1,0 +1,73 @@
+"""SkinMesh: the triangles everything else is computed on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.numerics import Float, normalized
+
+
+@dataclass(frozen=True)
+class SkinMesh:
+    """Triangles with welded positions and per-corner UVs and normals.
+
+    Attributes
+    ----------
+    positions_mm : ndarray of shape (V, 3), float64
+        Welded: both sides of a UV seam share their vertices.
+    faces : ndarray of shape (F, 3), int32
+        Counter-clockwise seen from outside.
+    corner_uv : ndarray of shape (F, 3, 2), float64
+        u to the right, v up, (0, 0) the lower left corner of the texture (of tile 1001).
+    corner_normal : ndarray of shape (F, 3, 3), float64
+        Unit shading normals.
+    """
+
+    positions_mm: Float
+    faces: NDArray[np.int32]
+    corner_uv: Float
+    corner_normal: Float
+
+    def __post_init__(self) -> None:
+        n = len(self.faces)
+        for name, got, want in (
+            ("positions_mm", self.positions_mm.shape[1:], (3,)),
+            ("faces", self.faces.shape, (n, 3)),
+            ("corner_uv", self.corner_uv.shape, (n, 3, 2)),
+            ("corner_normal", self.corner_normal.shape, (n, 3, 3)),
+        ):
+            if got != want:
+                raise ValueError(f"SkinMesh.{name}: expected shape {want}, got {got}")
+
+    @property
+    def corner_position_mm(self) -> Float:
+        """Positions per corner, shape (F, 3, 3)."""
+        return self.positions_mm[self.faces]
+
+    @property
+    def face_normal(self) -> Float:
+        """Unit geometric normals, shape (F, 3); zero for a degenerate face."""
+        a, b, c = np.moveaxis(self.corner_position_mm, 1, 0)
+        return normalized(np.cross(b - a, c - a))
+
+    @property
+    def face_area_mm2(self) -> Float:
+        """Shape (F,)."""
+        a, b, c = np.moveaxis(self.corner_position_mm, 1, 0)
+        return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def smooth_vertex_normals(positions_mm: Float, faces: NDArray[np.int32]) -> Float:
+    """Angle-weighted unit vertex normals, shape (V, 3) [Thuermer1998]."""
+    corners = positions_mm[faces]
+    normal = normalized(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    summed = np.zeros_like(positions_mm)
+    for k in range(3):
+        to_next = normalized(corners[:, (k + 1) % 3] - corners[:, k])
+        to_last = normalized(corners[:, (k + 2) % 3] - corners[:, k])
+        angle = np.arccos(np.clip(np.einsum("ij,ij->i", to_next, to_last), -1, 1))
+        np.add.at(summed, faces[:, k], normal * angle[:, None])
+    return normalized(summed)

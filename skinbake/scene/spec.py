@@ -1,0 +1,182 @@
+"""SceneSpec: one look, parsed and checked. Field by field the configuration of the README."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from skinbake.scene.lights import LightSpec
+from skinbake.scene.skin import SkinSpec
+from skinbake.scene.strict import Fraction, NonNegative, Positive, Rgb, Strict
+
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "dm": 100.0, "m": 1000.0, "inch": 25.4}
+
+
+class MeshSpec(Strict):
+    """Where the head is and how long its unit is."""
+
+    path: str
+    unit: Literal["mm", "cm", "dm", "m", "inch"] | None = None
+    mm_per_unit: Positive | None = None
+    flip_v: bool = False
+    any_size: bool = False  # skips the scale gate, for test scenes that are not heads
+
+    @model_validator(mode="after")
+    def _one_unit(self) -> MeshSpec:
+        if (self.unit is None) == (self.mm_per_unit is None):
+            raise ValueError("expected exactly one of unit (mm, cm, dm, m, inch) and mm_per_unit")
+        return self
+
+    @property
+    def millimetres_per_unit(self) -> float:
+        """Length of one mesh unit."""
+        return self.mm_per_unit if self.mm_per_unit is not None else MM_PER_UNIT[str(self.unit)]
+
+
+class MapSpec(Strict):
+    """One texture map. A bare path in the configuration means `{path: ...}`."""
+
+    path: str
+    color_space: Literal["auto", "srgb", "linear"] = "auto"
+
+
+class NormalMapSpec(MapSpec):
+    """Normal map with its two conventions."""
+
+    space: Literal["tangent", "object"] = "tangent"
+    green: Literal["opengl", "directx"] = "opengl"
+    strength: NonNegative = 1.0
+
+
+def _path_as_map(value: Any) -> Any:
+    return {"path": value} if isinstance(value, str) else value
+
+
+Map = Annotated[MapSpec, BeforeValidator(_path_as_map)]
+NormalMap = Annotated[NormalMapSpec, BeforeValidator(_path_as_map)]
+
+
+class MapsSpec(Strict):
+    """Maps of the skin. `albedo_rgb` is the constant linear albedo used where there is no albedo map."""
+
+    albedo: Map | None = None
+    albedo_rgb: tuple[Fraction, Fraction, Fraction] = (1.0, 1.0, 1.0)
+    normal: NormalMap | None = None
+    roughness: Map | None = None
+    specular: Map | None = None
+
+
+Size = Annotated[int, Field(ge=1, le=32768)]
+
+
+class TextureSpec(Strict):
+    """The UV raster. `size` is an int or [width, height]."""
+
+    size: tuple[Size, Size] = (2048, 2048)
+    gutter: Annotated[int, Field(ge=0, le=256)] = 8
+    udim: bool = False
+    unwrap: Literal["none", "xatlas"] = "none"
+    supersample: Annotated[int, Field(ge=1, le=8)] = 4
+
+    @field_validator("size", mode="before")
+    @classmethod
+    def _square(cls, value: Any) -> Any:
+        return (value, value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+class DiffusionSpec(Strict):
+    """How the lobes are blurred and how wrong they may be."""
+
+    method: Literal["auto", "texture", "stretch", "surface", "reference"] = "auto"
+    tolerance: Positive = 0.01
+    separate: bool = True
+    normalise: bool = True
+    probes: Annotated[int, Field(ge=0, le=1_000_000)] = 2000
+
+    @model_validator(mode="after")
+    def _classical_needs_surface(self) -> DiffusionSpec:
+        if not self.normalise and self.method not in ("surface", "reference"):
+            raise ValueError(f"normalise: false needs method surface or reference, got {self.method}")
+        return self
+
+
+class TexturingSpec(Strict):
+    """Where the albedo goes: before the blur, after it, or split between (`mix`: share before)."""
+
+    mode: Literal["pre-scatter", "post-scatter", "mix"] = "pre-scatter"
+    mix: Fraction = 0.5
+
+    @property
+    def exponent_before(self) -> float:
+        """x of THEORY (5.1): albedo^x multiplies the irradiance before the blur, albedo^(1-x) after it."""
+        return {"pre-scatter": 1.0, "post-scatter": 0.0, "mix": self.mix}[self.mode]
+
+
+class SpecularSpec(Strict):
+    """Oily layer: `roughness` is Beckmann m, `strength` rho_s (1/pi is the energy-true value)."""
+
+    f0: Fraction = 0.028
+    roughness: Annotated[float, Field(ge=1e-4, le=1)] = 0.3
+    strength: NonNegative = 0.318
+
+
+def _switch(value: Any) -> Any:
+    """YAML 1.1 reads a bare on/off as a boolean."""
+    return {True: "on", False: "off"}.get(value, value) if isinstance(value, bool) else value
+
+
+Switch = Annotated[Literal["auto", "on", "off"], BeforeValidator(_switch)]
+
+
+class TermsSpec(Strict):
+    """Terms that only some scenes need."""
+
+    energy_conservation: Switch = "auto"
+    transmission: Switch = "auto"
+
+
+class OutputSpec(Strict):
+    """What is written."""
+
+    dir: str
+    precision: Literal["half", "float"] = "half"
+    compression: Literal["none", "rle", "zips", "zip", "piz"] = "zip"
+    lights: Literal["separate", "total"] = "separate"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    tx: bool = False
+
+
+class PreviewSpec(Strict):
+    """The still that a bake ends with; the preview verb can say otherwise."""
+
+    size: tuple[Size, Size] = (768, 960)
+    view: str = "three-quarter"
+    exposure: float = 0.0
+    background_rgb: Rgb = (0.018, 0.019, 0.022)
+
+
+class SceneSpec(Strict):
+    """One look."""
+
+    mesh: MeshSpec
+    maps: MapsSpec = MapsSpec()
+    texture: TextureSpec = TextureSpec()
+    skin: SkinSpec
+    lights: Annotated[tuple[LightSpec, ...], Field(min_length=1)]
+    shadows: bool = True
+    diffusion: DiffusionSpec = DiffusionSpec()
+    texturing: TexturingSpec = TexturingSpec()
+    specular: SpecularSpec = SpecularSpec()
+    terms: TermsSpec = TermsSpec()
+    output: OutputSpec
+    preview: PreviewSpec = PreviewSpec()
+
+    @field_validator("lights")
+    @classmethod
+    def _names_differ(cls, lights: tuple[Any, ...]) -> tuple[Any, ...]:
+        names = [light.name for light in lights]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"expected light names that differ, got {', '.join(twice)} more than once")
+        return lights
