@@ -45,9 +45,13 @@ def explained(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise MachineError(f"{path}: the disk is full; free some space and run again, finished stages are kept") from error
+            raise MachineError(
+                f"{path}: the disk is full; free some space and run again, finished stages are kept"
+            ) from error
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-            raise InputError(f"{path}: expected a folder that can be written to ({error.strerror}); choose another --out") from error
+            raise InputError(
+                f"{path}: expected a folder that can be written to ({error.strerror}); choose another --out"
+            ) from error
         if error.errno in (errno.ENOTDIR, errno.EEXIST, errno.EISDIR):
             raise InputError(f"{path}: expected a folder, got a file in the way ({error.strerror})") from error
         raise

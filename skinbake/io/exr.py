@@ -122,7 +122,10 @@ def read_attributes(path: Path | str) -> dict[str, dict[str, Any]]:
     while source.seek_subimage(index, 0):
         spec = source.spec()
         header = {attribute.name: attribute.value for attribute in spec.extra_attribs}
-        headers[str(header.get("name", ""))] = header | {"size": [spec.width, spec.height], "channels": spec.channelnames}
+        headers[str(header.get("name", ""))] = header | {
+            "size": [spec.width, spec.height],
+            "channels": spec.channelnames,
+        }
         index += 1
     return headers
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from skinbake.scene.strict import NonNegative, Positive, Rgb, Strict, Vector
+from skinbake.scene.strict import NonNegative, Rgb, Strict, Vector
 
 
 def _not_zero(vector: Vector) -> Vector:

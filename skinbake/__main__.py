@@ -1,0 +1,5 @@
+"""`python -m skinbake`."""
+
+from skinbake.cli import main
+
+main()

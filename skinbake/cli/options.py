@@ -1,0 +1,26 @@
+"""Options that several verbs share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+config_argument = click.argument("config", type=click.Path(dir_okay=False))
+set_option = click.option(
+    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a configuration key; may be repeated."
+)
+out_option = click.option("--out", type=click.Path(file_okay=False), help="Folder to write to, instead of output.dir.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Report as JSON on stdout.")
+force_option = click.option("--force", is_flag=True, help="Run every stage, also those whose inputs have not changed.")
+
+
+def quiet_option(command: Command) -> Command:
+    """`--quiet` and `--verbose` as one keyword, `verbosity` (0, 1, 2)."""
+    command = click.option("--verbose", "verbosity", flag_value=2, type=int, help="Say more.")(command)
+    return click.option("--quiet", "verbosity", flag_value=0, type=int, default=1, help="Only say what went wrong.")(
+        command
+    )

@@ -1,0 +1,169 @@
+"""Configuration files: a look, or just its skin, with overrides, presets and paths resolved."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from skinbake.errors import ConfigError, InputError
+from skinbake.io.yaml_lines import Key, Located, dotted, parse_value, read_yaml
+from skinbake.scene.parse import parse
+from skinbake.scene.skin import SkinSpec
+from skinbake.scene.spec import SceneSpec
+
+_PATH_KEYS = re.compile(r"mesh\.path|maps\.\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir")
+_VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}")
+
+
+def load_look(path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None) -> SceneSpec:
+    """Read a look, apply `--set` overrides (`dotted.key=value`) and `--out`, and check it.
+
+    Paths in the file are relative to the file; paths in overrides to the working folder. `${NAME}` and
+    `${NAME:-default}` in a path are environment variables.
+
+    Raises
+    ------
+    InputError, ConfigError
+        With a line for each fault.
+    """
+    located = _prepared(path, overrides)
+    if out is not None:
+        _put(located, "output.dir", str(Path(out).absolute()), "--out")
+    return parse_look(located)
+
+
+def load_skin(path: Path | str, overrides: Sequence[str] = ()) -> SkinSpec:
+    """Read the `skin:` part of a look, or a file that holds nothing but a skin."""
+    located = _prepared(path, overrides, whole=False)
+    return _parse(SkinSpec, Located(located.value.get("skin"), located.places), ("skin",))
+
+
+def parse_look(located: Located) -> SceneSpec:
+    """Check a mapping whose paths are already resolved."""
+    return _parse(SceneSpec, located, ())
+
+
+def _parse(kind: Any, located: Located, at: Key) -> Any:
+    def say(key: Key, sentence: str) -> str:
+        key = (*at, *key)
+        return f"{located.place(key)}: {dotted(key)}: {sentence}" if key else f"{located.place(key)}: {sentence}"
+
+    if not isinstance(located.value, dict):
+        raise ConfigError([say((), f"expected a mapping, got {located.value!r}")])
+    return parse(kind, located.value, say)
+
+
+def _prepared(path: Path | str, overrides: Sequence[str], whole: bool = True) -> Located:
+    located = read_yaml(path)
+    if not whole and "skin" not in located.value and "mesh" not in located.value:
+        located = Located({"skin": located.value}, {("skin", *key): place for key, place in located.places.items()})
+    resolve_paths(located, Path(path).absolute().parent)
+    apply_overrides(located, overrides)
+    _merge_preset(located, Path(path).absolute().parent)
+    return located
+
+
+def apply_overrides(located: Located, overrides: Iterable[str]) -> None:
+    """Apply `dotted.key=value` strings in place; lists by index (`lights.0.name`) or by the item's name (`lights.key`)."""
+    for text in overrides:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip():
+            raise ConfigError([f"--set {text}: expected dotted.key=value"])
+        try:
+            parsed = parse_value(value)
+        except Exception as error:  # any YAML fault: the message names the option
+            raise ConfigError([f"--set {text}: expected a YAML value, got {value!r}"]) from error
+        _put(located, name.strip(), parsed, f"--set {name.strip()}")
+        resolve_paths(located, Path.cwd(), only=f"--set {name.strip()}")
+
+
+def _put(located: Located, name: str, value: Any, place: str) -> None:
+    parts = [part for part in re.split(r"[.\[\]]+", name) if part]
+    target, key = located.value, ()
+    for i, part in enumerate(parts):
+        index: str | int = part
+        if isinstance(target, list):
+            names = [item.get("name") if isinstance(item, dict) else None for item in target]
+            if part.isdigit() and int(part) < len(target):
+                index = int(part)
+            elif part in names:
+                index = names.index(part)
+            else:
+                known = ", ".join(str(n) for n in names if n)
+                raise ConfigError(
+                    [
+                        f"{place}: {dotted((*key, part))}: no such item; expected 0 to {len(target) - 1} or one of {known}"
+                    ]
+                )
+        elif not isinstance(target, dict):
+            raise ConfigError([f"{place}: {dotted(key)} is {target!r}, which has no key {part}"])
+        key = (*key, index)
+        if i == len(parts) - 1:
+            target[index] = value
+            for stale in [k for k in located.places if k[: len(key)] == key]:
+                del located.places[stale]
+            located.places[key] = place
+        else:
+            if isinstance(target, dict) and not isinstance(target.get(index), dict | list):
+                kept = target.get(index)
+                target[index] = {"path": kept} if isinstance(kept, str) else {}
+            target = target[index]
+
+
+def resolve_paths(located: Located, base: Path, only: str | None = None) -> None:
+    """Make every path absolute, from `base`; with `only`, just the keys that came from that place."""
+    faults: list[str] = []
+
+    def visit(value: Any, key: Key) -> Any:
+        if isinstance(value, dict):
+            return {k: visit(v, (*key, k)) for k, v in value.items()}
+        if isinstance(value, list):
+            return [visit(v, (*key, i)) for i, v in enumerate(value)]
+        if isinstance(value, str) and _PATH_KEYS.fullmatch(dotted(key)) and only in (None, located.place(key)):
+            try:
+                return str(_absolute(value, base))
+            except InputError as error:
+                faults.append(f"{located.place(key)}: {dotted(key)}: {error}")
+        return value
+
+    located.value = visit(located.value, ())
+    if faults:
+        raise ConfigError(faults)
+
+
+def _absolute(text: str, base: Path) -> Path:
+    def variable(match: re.Match[str]) -> str:
+        value = os.environ.get(match[1]) or match[2]
+        if value is None:
+            raise InputError(f"expected the environment variable {match[1]}, which is not set")
+        return value
+
+    return Path(os.path.normpath(base / Path(_VARIABLE.sub(variable, text)).expanduser()))
+
+
+def preset_folders(beside: Path) -> list[Path]:
+    """Where named skins are looked up: `skins/` beside the look, the installed ones, the repository's."""
+    package = Path(__file__).parent.parent
+    return [beside / "skins", package / "skins", package.parent / "configs" / "skins"]
+
+
+def _merge_preset(located: Located, beside: Path) -> None:
+    skin = located.value.get("skin")
+    if not isinstance(skin, dict) or "preset" not in skin:
+        return
+    name = skin.pop("preset")
+    place = f"{located.place(('skin', 'preset'))}: skin.preset"
+    folders = [folder for folder in preset_folders(beside) if folder.is_dir()]
+    known = sorted({file.stem for folder in folders for file in folder.glob("*.yaml")})
+    if name not in known:
+        raise ConfigError([f"{place}: expected one of {', '.join(known)}, got {name!r}"])
+    file = next(folder / f"{name}.yaml" for folder in folders if (folder / f"{name}.yaml").is_file())
+    preset = read_yaml(file)
+    if "skin" not in preset.value:
+        preset = Located({"skin": preset.value}, {("skin", *key): where for key, where in preset.places.items()})
+    resolve_paths(preset, file.parent)
+    located.value["skin"] = preset.value["skin"] | skin
+    located.places = preset.places | located.places
