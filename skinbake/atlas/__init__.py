@@ -1,0 +1,22 @@
+"""Which point of the skin each texel shows."""
+
+from skinbake.atlas.interpolate import interpolate
+from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, mm_per_texel, uv_jacobian
+from skinbake.atlas.raster import FIRST_TILE, NO_FACE, Atlas, AtlasRaster
+from skinbake.atlas.rasterize import rasterize, signed_uv_area, tile_origin, tiles_of
+
+__all__ = [
+    "FIRST_TILE",
+    "NO_FACE",
+    "Atlas",
+    "AtlasRaster",
+    "face_mm_per_texel",
+    "first_fundamental_form",
+    "interpolate",
+    "mm_per_texel",
+    "rasterize",
+    "signed_uv_area",
+    "tile_origin",
+    "tiles_of",
+    "uv_jacobian",
+]

@@ -1,0 +1,154 @@
+"""Exact area coverage of texels by triangles, and which triangle holds each texel's centre."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.atlas.raster import NO_FACE
+from skinbake.numerics import Float
+
+BAND_ROWS = 32  # rows that one task owns: no two tasks write the same texel, whatever the number of threads
+
+
+@njit(cache=True)
+def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Compressed lists, band by band and in ascending order, of the items whose rows low_y ... high_y meet the band."""
+    bands = (height + BAND_ROWS - 1) // BAND_ROWS
+    start = np.zeros(bands + 1, dtype=np.int64)
+    first = np.empty(len(low_y), dtype=np.int64)
+    last = np.empty(len(low_y), dtype=np.int64)
+    for i in range(len(low_y)):
+        if not (high_y[i] >= 0.0 and low_y[i] <= height):  # also true of NaN, which marks an item to skip
+            first[i], last[i] = 0, -1
+            continue
+        first[i] = int(max(low_y[i], 0.0)) // BAND_ROWS
+        last[i] = int(min(high_y[i], height - 1.0)) // BAND_ROWS
+        for b in range(first[i], last[i] + 1):
+            start[b + 1] += 1
+    for b in range(bands):
+        start[b + 1] += start[b]
+    fill = start[:-1].copy()
+    items = np.empty(start[bands], dtype=np.int64)
+    for i in range(len(low_y)):
+        for b in range(first[i], last[i] + 1):
+            items[fill[b]] = i
+            fill[b] += 1
+    return start, items
+
+
+@njit(cache=True)
+def _edge(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
+    """Twice the signed area of (a, b, p), evaluated in one vertex order so that both users of an edge agree exactly."""
+    if (ax, ay) <= (bx, by):
+        return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
+    return -((ax - bx) * (py - by) - (ay - by) * (px - bx))
+
+
+@njit(cache=True)
+def _clip(poly: Float, n: int, axis: int, keep_above: bool, bound: float, out: Float) -> int:
+    """Sutherland-Hodgman against one axis-aligned line."""
+    m = 0
+    sign = 1.0 if keep_above else -1.0
+    for i in range(n):
+        j = (i + 1) % n
+        di = sign * (poly[i, axis] - bound)
+        dj = sign * (poly[j, axis] - bound)
+        if di >= 0.0:
+            out[m, 0], out[m, 1] = poly[i, 0], poly[i, 1]
+            m += 1
+        if (di > 0.0 and dj < 0.0) or (di < 0.0 and dj > 0.0):
+            t = di / (di - dj)
+            out[m, 0] = poly[i, 0] + t * (poly[j, 0] - poly[i, 0])
+            out[m, 1] = poly[i, 1] + t * (poly[j, 1] - poly[i, 1])
+            out[m, axis] = bound
+            m += 1
+    return m
+
+
+@njit(cache=True)
+def _twice_area(poly: Float, n: int) -> float:
+    total = 0.0
+    for i in range(1, n - 1):
+        total += (poly[i, 0] - poly[0, 0]) * (poly[i + 1, 1] - poly[0, 1])
+        total -= (poly[i, 1] - poly[0, 1]) * (poly[i + 1, 0] - poly[0, 0])
+    return total
+
+
+@njit(cache=True, parallel=True)
+def cover(
+    corner_xy: Float,
+    mm2_per_texel: Float,
+    start: NDArray[np.int64],
+    items: NDArray[np.int64],
+    face_index: NDArray[np.int32],
+    barycentric: NDArray[np.float32],
+    coverage: NDArray[np.float32],
+    area_mm2: NDArray[np.float32],
+) -> None:
+    """Fill the arrays of one tile from its triangles, exactly.
+
+    Parameters
+    ----------
+    corner_xy : ndarray of shape (F, 3, 2)
+        In texels, x to the right, y down.
+    mm2_per_texel : ndarray of shape (F,)
+        Skin area of one square texel of that face.
+    start, items : ndarrays
+        Faces by band of rows (`bin_by_band`).
+    """
+    height, width = face_index.shape
+    for band in prange(len(start) - 1):
+        row_end = min((band + 1) * BAND_ROWS, height)
+        strip = np.empty((9, 2))
+        poly = np.empty((9, 2))
+        other = np.empty((9, 2))
+        for k in range(start[band], start[band + 1]):
+            f = items[k]
+            x0, y0 = corner_xy[f, 0, 0], corner_xy[f, 0, 1]
+            x1, y1 = corner_xy[f, 1, 0], corner_xy[f, 1, 1]
+            x2, y2 = corner_xy[f, 2, 0], corner_xy[f, 2, 1]
+            total = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
+            side = 1.0 if total > 0.0 else -1.0
+            low, high = min(y0, y1, y2), max(y0, y1, y2)
+            for row in range(
+                max(band * BAND_ROWS, int(np.floor(max(low, 0.0)))), min(row_end, int(min(high, 1e9)) + 1)
+            ):
+                # The part of the triangle in this row of texels gives the columns it can touch
+                for i in range(3):
+                    strip[i, 0], strip[i, 1] = corner_xy[f, i, 0], corner_xy[f, i, 1]
+                n = _clip(strip, 3, 1, True, float(row), other)
+                n = _clip(other, n, 1, False, row + 1.0, strip)
+                if n < 3:
+                    continue
+                left, right = strip[0, 0], strip[0, 0]
+                for i in range(1, n):
+                    left, right = min(left, strip[i, 0]), max(right, strip[i, 0])
+                if right < 0.0 or left >= width:
+                    continue
+                for col in range(int(max(left, 0.0)), min(int(right) + 1, width)):
+                    # Edge functions at the centre; half the change across the square decides in, out or clip
+                    cx, cy = col + 0.5, row + 0.5
+                    e0 = side * _edge(x1, y1, x2, y2, cx, cy)
+                    e1 = side * _edge(x2, y2, x0, y0, cx, cy)
+                    e2 = side * _edge(x0, y0, x1, y1, cx, cy)
+                    r0 = 0.5 * (abs(x2 - x1) + abs(y2 - y1))
+                    r1 = 0.5 * (abs(x0 - x2) + abs(y0 - y2))
+                    r2 = 0.5 * (abs(x1 - x0) + abs(y1 - y0))
+                    if e0 >= r0 and e1 >= r1 and e2 >= r2:
+                        share = 1.0
+                    else:
+                        m = _clip(strip, n, 0, True, float(col), poly)
+                        m = _clip(poly, m, 0, False, col + 1.0, other)
+                        share = 0.5 * abs(_twice_area(other, m)) if m >= 3 else 0.0
+                    coverage[row, col] += share
+                    area_mm2[row, col] += share * mm2_per_texel[f]
+                    if e0 >= 0.0 and e1 >= 0.0 and e2 >= 0.0 and face_index[row, col] == NO_FACE:
+                        # Faces come in ascending order, so where charts overlap the lowest face wins
+                        face_index[row, col] = f
+                        barycentric[row, col, 0] = min(e1 / abs(total), 1.0)
+                        barycentric[row, col, 1] = min(e2 / abs(total), 1.0)
+        for row in range(band * BAND_ROWS, row_end):
+            for col in range(width):
+                coverage[row, col] = min(coverage[row, col], np.float32(1.0))

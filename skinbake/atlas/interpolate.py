@@ -1,0 +1,45 @@
+"""Anything known at the corners of the mesh, at every texel."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.atlas.raster import NO_FACE, AtlasRaster
+
+
+def interpolate(raster: AtlasRaster, corner_values: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Values at texel centres, shape (H, W, k); zero where the atlas is empty.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    corner_values : ndarray of shape (F, 3, k)
+        `mesh.corner_position_mm`, `mesh.corner_normal`, ...
+    """
+    if corner_values.ndim != 3 or corner_values.shape[1] != 3:
+        raise ValueError(f"corner_values: expected shape (F, 3, k), got {corner_values.shape}")
+    values = np.ascontiguousarray(corner_values, dtype=np.float64)
+    out = np.zeros((*raster.shape, values.shape[2]), dtype=np.float32)
+    _interpolate(raster.face_index, raster.barycentric, values, out)
+    return out
+
+
+@njit(cache=True, parallel=True)
+def _interpolate(
+    face_index: NDArray[np.int32],
+    barycentric: NDArray[np.float32],
+    values: NDArray[np.float64],
+    out: NDArray[np.float32],
+) -> None:
+    height, width = face_index.shape
+    for row in prange(height):
+        for col in range(width):
+            f = face_index[row, col]
+            if f == NO_FACE:
+                continue
+            b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+            b0 = 1.0 - b1 - b2
+            for k in range(values.shape[2]):
+                out[row, col, k] = b0 * values[f, 0, k] + b1 * values[f, 1, k] + b2 * values[f, 2, k]

@@ -1,0 +1,40 @@
+"""How many millimetres of skin a step in UV or across a texel is; THEORY (5.3), (5.5)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas.raster import AtlasRaster
+from skinbake.numerics import Float, safe_div
+from skinbake.scene.mesh import SkinMesh
+
+
+def uv_jacobian(mesh: SkinMesh) -> Float:
+    """P_u and P_v of each face, mm per unit of u and v, shape (F, 2, 3); zero where the UV triangle is degenerate."""
+    p, uv = mesh.corner_position_mm, mesh.corner_uv
+    p1, p2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    d1, d2 = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    twice_area = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])[:, None]
+    p_u = safe_div(d2[:, 1:] * p1 - d1[:, 1:] * p2, twice_area)
+    p_v = safe_div(d1[:, :1] * p2 - d2[:, :1] * p1, twice_area)
+    return np.stack([p_u, p_v], axis=1)
+
+
+def first_fundamental_form(mesh: SkinMesh) -> Float:
+    """e = P_u.P_u, f = P_u.P_v, h = P_v.P_v of each face, mm^2, shape (F, 3)."""
+    p_u, p_v = np.moveaxis(uv_jacobian(mesh), 1, 0)
+    return np.stack([(p_u * p_u).sum(1), (p_u * p_v).sum(1), (p_v * p_v).sum(1)], axis=1)
+
+
+def face_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> Float:
+    """Skin length of one step along a column and along a row, mm, shape (F, 2); `size` is (width, height)."""
+    form = first_fundamental_form(mesh)
+    return np.sqrt(form[:, [0, 2]]) / np.asarray(size, dtype=np.float64)
+
+
+def mm_per_texel(raster: AtlasRaster, mesh: SkinMesh) -> NDArray[np.float32]:
+    """The same at each texel, shape (H, W, 2); zero where the atlas is empty."""
+    height, width = raster.shape
+    per_face = face_mm_per_texel(mesh, (width, height)).astype(np.float32)
+    return np.where(raster.addressed[..., None], per_face[raster.face_index], np.float32(0))

@@ -1,0 +1,100 @@
+"""From a mesh with UVs to its atlas: the one place where v becomes a row."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skinbake.atlas.border import chart_edges, reach
+from skinbake.atlas.coverage import bin_by_band, cover
+from skinbake.atlas.raster import FIRST_TILE, NO_FACE, Atlas, AtlasRaster
+from skinbake.numerics import Float, safe_div
+from skinbake.scene.mesh import SkinMesh
+
+
+def rasterize(mesh: SkinMesh, size: tuple[int, int], gutter: int = 8, udim: bool = False) -> Atlas:
+    """Address of each texel on the mesh, one raster a tile.
+
+    Coverage and area are exact (each triangle is clipped to each texel's square), so that areas sum to the area of the
+    mesh. A texel shows the chart point at its centre; where no chart holds the centre, the closest chart point; where
+    charts overlap, the face of lowest index. Every texel within `gutter` of a chart is addressed.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+        Faces of zero UV area are left out.
+    size : (width, height) in texels
+    gutter : int
+        Texels around each chart that get the closest chart point, without weight.
+    udim : bool
+        One raster for each UDIM tile that holds the centre of a face; otherwise u, v in [0, 1] only, and what lies
+        outside is left out (`uv_report` counts it).
+
+    Returns
+    -------
+    Atlas
+        Tiles in ascending order; a single raster of tile 1001 without `udim`.
+    """
+    width, height = size
+    if width < 1 or height < 1 or gutter < 0:
+        raise ValueError(f"expected size >= 1 x 1 and gutter >= 0, got {size} and {gutter}")
+    uv_area = signed_uv_area(mesh)
+    edges = chart_edges(mesh, uv_area)
+    return tuple(_rasterize_tile(mesh, tile, size, gutter, uv_area, edges) for tile in tiles_of(mesh, udim))
+
+
+def signed_uv_area(mesh: SkinMesh) -> Float:
+    """Area of each face in UV space, shape (F,), negative where flipped."""
+    a, b, c = np.moveaxis(mesh.corner_uv, 1, 0)
+    ab, ac = b - a, c - a
+    return 0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
+
+
+def tiles_of(mesh: SkinMesh, udim: bool) -> tuple[int, ...]:
+    """UDIM numbers that hold the centre of at least one face, ascending; (1001,) without `udim`."""
+    if not udim:
+        return (FIRST_TILE,)
+    cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(np.int64)
+    if len(cell) and (cell.min() < 0 or cell[:, 0].max() > 9):
+        raise ValueError("UDIM tiles: expected u in [0, 10] and v >= 0")
+    return tuple(int(t) for t in np.unique(FIRST_TILE + cell[:, 0] + 10 * cell[:, 1]))
+
+
+def tile_origin(tile: int) -> tuple[int, int]:
+    """Lower left corner (u, v) of a UDIM tile."""
+    return (tile - FIRST_TILE) % 10, (tile - FIRST_TILE) // 10
+
+
+def _rasterize_tile(
+    mesh: SkinMesh, tile: int, size: tuple[int, int], gutter: int, uv_area: Float, edges: np.ndarray
+) -> AtlasRaster:
+    width, height = size
+    u0, v0 = tile_origin(tile)
+    corner_xy = np.empty_like(mesh.corner_uv)
+    corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
+    corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
+
+    face_index = np.full((height, width), NO_FACE, dtype=np.int32)
+    barycentric = np.zeros((height, width, 2), dtype=np.float32)
+    coverage = np.zeros((height, width), dtype=np.float32)
+    area_mm2 = np.zeros((height, width), dtype=np.float32)
+
+    # Faces of this tile; NaN rows keep the others (and degenerate ones) out of every band
+    y = corner_xy[..., 1]
+    outside = (corner_xy[..., 0].max(axis=1) < 0) | (corner_xy[..., 0].min(axis=1) > width) | (uv_area == 0)
+    low, high = np.where(outside, np.nan, y.min(axis=1)), np.where(outside, np.nan, y.max(axis=1))
+    start, items = bin_by_band(low, high, height)
+    mm2_per_texel = safe_div(mesh.face_area_mm2, np.abs(uv_area) * width * height)
+    cover(corner_xy, mm2_per_texel, start, items, face_index, barycentric, coverage, area_mm2)
+
+    # A texel that a chart touches beside its centre lies within half a diagonal of the chart
+    radius = max(float(gutter), 1.0)
+    ends = y[edges // 3, edges % 3], y[edges // 3, (edges + 1) % 3]
+    start, items = bin_by_band(np.minimum(*ends) - radius - 1, np.maximum(*ends) + radius + 1, height)
+    touched = coverage > 0
+    reach(corner_xy, edges, start, items, radius, face_index, barycentric)
+    if gutter == 0:
+        face_index[~touched] = NO_FACE
+    empty = face_index == NO_FACE
+    barycentric[empty] = 0
+    coverage[empty] = 0
+    return AtlasRaster(tile, face_index, barycentric, coverage, area_mm2)
