@@ -26,7 +26,7 @@ $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "skinbake needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,farm]'
-	$(BIN)/python -m skinbake.preview.platform --install
+	$(BIN)/python -m skinbake.preview.setup_gl
 	@touch $@
 
 data:  ## make the sample head anew from its script
