@@ -41,7 +41,7 @@ class AtlasRaster:
     @property
     def shape(self) -> tuple[int, int]:
         """(H, W)."""
-        return self.face_index.shape  # type: ignore[return-value]
+        return self.face_index.shape
 
     @property
     def covered(self) -> NDArray[np.bool_]:

@@ -1,0 +1,198 @@
+"""Meshes: the only file that knows trimesh and xatlas. Out comes a SkinMesh in millimetres with v up."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.errors import InputError
+from skinbake.io.atomic import atomic_write
+from skinbake.numerics import Float, normalized
+from skinbake.scene.mesh import SkinMesh, smooth_vertex_normals
+from skinbake.scene.spec import MM_PER_UNIT
+
+SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl", ".off")
+HEAD_MM = (80.0, 1000.0)  # longest side of anything from a face mask to a bust
+TYPICAL_HEAD_MM = 240.0
+
+
+def read_mesh(
+    path: Path | str,
+    mm_per_unit: float,
+    flip_v: bool = False,
+    unwrap: str = "none",
+    any_size: bool = False,
+    without_uvs: bool = False,
+) -> SkinMesh:
+    """Read a mesh: polygons cut into triangles, positions welded, UVs and normals kept per corner.
+
+    Parameters
+    ----------
+    path : path of an OBJ, GLB, glTF, PLY, STL or OFF file
+    mm_per_unit : float
+    flip_v : bool
+        Replaces v by 1 - v after the format's own convention (glTF has v down, all else v up).
+    unwrap : "none" or "xatlas"
+        "xatlas" makes UVs when the file has none.
+    any_size : bool
+        Skips the scale gate.
+    without_uvs : bool
+        Accepts a mesh that has no UVs and gives it zeros.
+
+    Raises
+    ------
+    InputError
+        The file is missing, is not a mesh, has no triangles, NaN vertices or no UVs, or is not as large as a head.
+    """
+    path = Path(path)
+    parts = [_part(path, *geometry) for geometry in _geometries(path)]
+    if not parts or not sum(len(faces) for _, faces, _, _ in parts):
+        raise InputError(f"{path}: expected triangles, got none")
+    offsets = np.cumsum([0] + [len(positions) for positions, *_ in parts])
+    positions = np.concatenate([p for p, *_ in parts]) * mm_per_unit
+    faces = np.concatenate([f + o for (_, f, _, _), o in zip(parts, offsets[:-1], strict=True)])
+    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{path}: expected finite vertices, got {len(bad)} with NaN or Inf, the first at index {bad[0]}"
+        )
+    if not any_size:
+        _check_size(path, positions, mm_per_unit)
+
+    has_uvs = all(uv is not None for *_, uv, _ in parts)
+    if not has_uvs and unwrap == "none" and not without_uvs:
+        raise InputError(
+            f"{path}: expected UVs, the mesh has none; add them, or set texture.unwrap: xatlas to make them"
+        )
+    corner_uv = np.concatenate([np.zeros((len(f), 3, 2)) if uv is None else uv[f] for _, f, uv, _ in parts])
+    bad = np.flatnonzero(~np.isfinite(corner_uv).all(axis=(1, 2)))
+    if len(bad):
+        raise InputError(f"{path}: expected finite UVs, got NaN or Inf in {len(bad)} triangles, the first is {bad[0]}")
+    if flip_v and has_uvs:
+        corner_uv[..., 1] = 1 - corner_uv[..., 1]
+
+    positions, faces = _weld(positions, faces)
+    smooth = smooth_vertex_normals(positions, faces)[faces]
+    given = np.concatenate([np.zeros((len(f), 3, 3)) if n is None else n[f] for _, f, _, n in parts])
+    given = normalized(np.nan_to_num(given, nan=0.0, posinf=0.0, neginf=0.0))
+    missing = ~given.any(axis=2, keepdims=True)
+    mesh = SkinMesh(positions, faces, corner_uv, np.where(missing, smooth, given))
+    return unwrap_mesh(mesh) if unwrap == "xatlas" and not has_uvs else mesh
+
+
+def unwrap_mesh(mesh: SkinMesh, gutter_texels: int = 4) -> SkinMesh:
+    """The same mesh with one non-overlapping chart layout in [0, 1]^2, made by xatlas."""
+    import xatlas
+
+    atlas = xatlas.Atlas()
+    atlas.add_mesh(mesh.positions_mm.astype(np.float32), mesh.faces.astype(np.uint32))
+    charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
+    packing.padding = gutter_texels
+    packing.resolution = 1024
+    packing.bilinear = True
+    atlas.generate(charts, packing)
+    vertex, corner, uv = atlas[0]
+    if not np.array_equal(vertex[corner], mesh.faces):
+        raise InputError("xatlas could not unwrap this mesh face by face; clean it of duplicate triangles, or add UVs")
+    corner_uv = np.clip(uv[corner].astype(np.float64), 0.0, 1.0)
+    return SkinMesh(mesh.positions_mm, mesh.faces, corner_uv, mesh.corner_normal)
+
+
+def write_obj(path: Path | str, mesh: SkinMesh, mm_per_unit: float = 1.0) -> None:
+    """Write positions, UVs (v up) and normals as OBJ; equal UVs and normals are written once."""
+    uv, uv_of = np.unique(mesh.corner_uv.reshape(-1, 2), axis=0, return_inverse=True)
+    normal, normal_of = np.unique(mesh.corner_normal.reshape(-1, 3), axis=0, return_inverse=True)
+    address = 1 + np.stack([mesh.faces.ravel(), uv_of.ravel(), normal_of.ravel()], axis=1).reshape(-1, 9)
+    with atomic_write(path) as beside, open(beside, "w", encoding="ascii", newline="\n") as file:
+        for tag, rows in (("v", mesh.positions_mm / mm_per_unit), ("vt", uv), ("vn", normal)):
+            file.writelines(f"{tag} {' '.join(f'{x:.9g}' for x in row)}\n" for row in rows)
+        file.writelines("f {}/{}/{} {}/{}/{} {}/{}/{}\n".format(*row) for row in address)
+
+
+def _geometries(path: Path) -> list[tuple[Any, Float]]:
+    """Every mesh instance in the file with its transform."""
+    import trimesh  # half a second: only when a mesh is read
+
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    if path.is_dir() or path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path}: expected a mesh file ({', '.join(SUFFIXES)})")
+    try:
+        # process=False: trimesh would merge vertices. Never maintain_order: it gives both sides of a UV seam one UV
+        options = {"process": False, "group_material": False}
+        if path.suffix.lower() == ".obj":
+            options["skip_materials"] = True  # for glTF this would drop the UVs as well
+        with warnings.catch_warnings():  # numpy's, about arithmetic inside trimesh; what it reads is checked below
+            warnings.simplefilter("ignore")
+            scene = trimesh.load_scene(path, **options)
+    except PermissionError:
+        raise InputError(f"{path}: permission to read it is missing") from None
+    except Exception as error:  # trimesh raises whatever its parsers meet
+        raise InputError(
+            f"{path}: not a mesh that can be read ({type(error).__name__}: {_first_line(error)})"
+        ) from None
+    found = []
+    for node in scene.graph.nodes_geometry:
+        transform, name = scene.graph[node]
+        if isinstance(scene.geometry[name], trimesh.Trimesh):
+            found.append((scene.geometry[name], np.asarray(transform, dtype=np.float64)))
+    return found
+
+
+def _part(path: Path, geometry: Any, transform: Float) -> tuple[Float, NDArray[np.int32], Float | None, Float | None]:
+    """Positions, faces, UVs and normals by vertex, in the file's world space."""
+    positions = np.asarray(geometry.vertices, dtype=np.float64)
+    faces = np.asarray(geometry.faces, dtype=np.int32)
+    if len(faces) and (faces.min() < 0 or faces.max() >= len(positions)):
+        raise InputError(f"{path}: a triangle names vertex {int(faces.max())}, of {len(positions)} vertices")
+    linear = transform[:3, :3]
+    positions = positions @ linear.T + transform[:3, 3]
+    uv = getattr(geometry.visual, "uv", None)
+    # trimesh keeps normals read from the file in its cache; its property would invent split ones where there are none
+    normals = geometry._cache.cache.get("vertex_normals")
+    if normals is not None:
+        normals = np.asarray(normals, dtype=np.float64) @ np.linalg.inv(linear) * np.sign(np.linalg.det(linear))
+    if np.linalg.det(linear) < 0:
+        faces = np.ascontiguousarray(faces[:, ::-1])
+    return positions, faces, None if uv is None else np.asarray(uv, dtype=np.float64)[:, :2], normals
+
+
+def _weld(positions: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArray[np.int32]]:
+    """One vertex for each position, in the order of first use; adding 0.0 makes -0 equal 0."""
+    used, first, inverse = np.unique(positions[faces.ravel()] + 0.0, axis=0, return_index=True, return_inverse=True)
+    rank = np.empty(len(used), dtype=np.int32)
+    rank[np.argsort(first, kind="stable")] = np.arange(len(used), dtype=np.int32)
+    welded = np.empty_like(used)
+    welded[rank] = used
+    return welded, rank[inverse.ravel()].reshape(faces.shape)
+
+
+def _check_size(path: Path, positions: Float, mm_per_unit: float) -> None:
+    """Refuse what cannot be a head, and say which unit would make it one."""
+    extent = np.ptp(positions, axis=0)
+    longest = float(extent.max())
+    if HEAD_MM[0] <= longest <= HEAD_MM[1]:
+        return
+    size = " x ".join(f"{side:.4g}" for side in extent)
+    if longest == 0:
+        raise InputError(f"{path}: expected a head of about {TYPICAL_HEAD_MM:.0f} mm, got a single point")
+    units = {name: longest / mm_per_unit * mm for name, mm in MM_PER_UNIT.items()}
+    likely = {name: size_mm for name, size_mm in units.items() if name != "inch"}
+    if not any(HEAD_MM[0] <= size_mm <= HEAD_MM[1] for size_mm in likely.values()):
+        likely = units
+    best = min(likely, key=lambda name: abs(np.log(units[name] / TYPICAL_HEAD_MM)))
+    if HEAD_MM[0] <= units[best] <= HEAD_MM[1]:
+        fix = f"set mesh.unit: {best} ({units[best]:.0f} mm)"
+    else:
+        fix = f"set mesh.mm_per_unit: {TYPICAL_HEAD_MM / longest * mm_per_unit:.4g}"
+    raise InputError(
+        f"{path}: measures {size} mm, a head about {TYPICAL_HEAD_MM:.0f}; {fix}, or mesh.any_size: true if it is no head"
+    )
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [""])[0][:200]
