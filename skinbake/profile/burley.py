@@ -1,0 +1,78 @@
+"""Normalised diffusion: two exponentials fitted to Monte Carlo, single scattering included."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinbake.numerics import Float
+
+PathKind = Literal["searchlight", "diffuse", "surface"]
+
+SMALLEST_U = 2.0**-24  # a radius of about 49 d; u = 0 would be infinite
+
+
+def burley_reflectance(d_mm: Float, albedo: Float, radius_mm: Float) -> Float:
+    """R(r), mm^-2, shape (C, N); THEORY (8.1). Infinite at r = 0, where `burley_disc_mean` is what can be stored.
+
+    References
+    ----------
+    [Burley2015], [Christensen2015]
+    """
+    d, r = np.asarray(d_mm)[:, None], radius_mm[None, :]
+    with np.errstate(divide="ignore"):
+        return np.asarray(albedo)[:, None] * (np.exp(-r / d) + np.exp(-r / (3 * d))) / (8 * np.pi * d * r)
+
+
+def burley_cdf(d_mm: ArrayLike, radius_mm: ArrayLike) -> Float:
+    """Share of the light that leaves within r; expm1 keeps its digits near r = 0."""
+    x = np.asarray(radius_mm, dtype=np.float64) / np.asarray(d_mm)
+    return -np.expm1(-x) / 4 - 3 * np.expm1(-x / 3) / 4
+
+
+def burley_disc_mean(d_mm: Float, albedo: Float, disc_mm: Float) -> Float:
+    """Mean of R over a disc of radius `disc_mm` > 0 about r = 0, mm^-2, shape (C,)."""
+    return albedo * burley_cdf(d_mm, disc_mm) / (np.pi * disc_mm**2)
+
+
+def burley_hankel(d_mm: Float, albedo: Float, s_per_mm: Float) -> Float:
+    """R~(s) = A/4 (1 / sqrt(1 + (d s)^2) + 3 / sqrt(1 + (3 d s)^2)), shape (C, M)."""
+    x = np.asarray(d_mm)[:, None] * s_per_mm[None, :]
+    return np.asarray(albedo)[:, None] / 4 * (1 / np.hypot(1, x) + 3 / np.hypot(1, 3 * x))
+
+
+def burley_radius(d_mm: ArrayLike, share: ArrayLike) -> Float:
+    """Radius that holds `share` of the light, the analytic inverse (8.3) of the CDF.
+
+    References
+    ----------
+    [Golubev2018]
+    """
+    u = np.maximum(1 - np.asarray(share, dtype=np.float64), SMALLEST_U)
+    root = np.cbrt(1 + 4 * u * (2 * u + np.sqrt(1 + 4 * u * u)))
+    return 3 * np.asarray(d_mm) * np.log((1 + root + 1 / root) / (4 * u))
+
+
+def burley_shape(albedo: ArrayLike, kind: PathKind = "searchlight") -> Float:
+    """s(A) of (8.2): d is the mean free path over s.
+
+    Parameters
+    ----------
+    albedo : array_like
+        Total reflectance A.
+    kind : {"searchlight", "diffuse", "surface"}
+        Which path is given: in the volume under a perpendicular beam, in the volume under diffuse light, or the diffuse
+        mean free path on the surface, 1 / sigma_tr.
+
+    References
+    ----------
+    [Christensen2015]
+    """
+    a = np.asarray(albedo, dtype=np.float64)
+    if kind == "searchlight":
+        return 1.85 - a + 7 * np.abs(a - 0.8) ** 3
+    if kind == "diffuse":
+        return 1.9 - a + 3.5 * (a - 0.8) ** 2
+    return 3.5 + 100 * (a - 0.33) ** 4

@@ -1,0 +1,79 @@
+"""The dipole: a semi-infinite medium as one source below the surface and its mirror image above."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skinbake.numerics import Float
+from skinbake.profile.medium import Medium
+
+
+def dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Float:
+    """R(r), mm^-2, shape (C, N); THEORY (2.1). Both terms are positive, nothing cancels.
+
+    Parameters
+    ----------
+    boundary : float
+        A of the face.
+    radius_mm : ndarray of shape (N,)
+
+    References
+    ----------
+    [Jensen2001]
+    """
+    total = np.zeros((len(medium.albedo), len(radius_mm)))
+    sigma_tr = medium.sigma_tr_per_mm[:, None]
+    for depth in _source_heights(medium, boundary):
+        distance = np.hypot(radius_mm[None, :], depth[:, None])
+        total += depth[:, None] / distance * (1 / distance + sigma_tr) / distance * np.exp(-sigma_tr * distance)
+    return medium.albedo[:, None] / (4 * np.pi) * total
+
+
+def log_dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Float:
+    """ln R(r), finite where R itself underflows, shape (C, N); THEORY (2.4)."""
+    sigma_tr = medium.sigma_tr_per_mm[:, None]
+    terms = []
+    for depth in _source_heights(medium, boundary):
+        distance = np.hypot(radius_mm[None, :], depth[:, None])
+        terms.append(np.log(depth)[:, None] + np.log1p(sigma_tr * distance) - sigma_tr * distance - 3 * np.log(distance))
+    return np.log(medium.albedo / (4 * np.pi))[:, None] + np.logaddexp(*terms)
+
+
+def dipole_total(medium: Medium, boundary: float) -> Float:
+    """R_d, shape (C,); THEORY (2.2)."""
+    real, mirrored = _source_heights(medium, boundary)
+    sigma_tr = medium.sigma_tr_per_mm
+    return medium.albedo / 2 * (np.exp(-sigma_tr * real) + np.exp(-sigma_tr * mirrored))
+
+
+def albedo_of_total(total: float, boundary: float) -> float:
+    """alpha' at which the dipole reflects `total`; inverse of (2.2).
+
+    Parameters
+    ----------
+    total : float
+        Total diffuse reflectance, above 0 and below 1.
+
+    Raises
+    ------
+    ValueError
+        If `total` is not inside (0, 1).
+    """
+    from scipy.optimize import brentq
+
+    if not 0 < total < 1:
+        raise ValueError(f"total reflectance: expected a number inside (0, 1), got {total}")
+
+    def excess(log_absorbed: float) -> float:
+        absorbed = np.exp(log_absorbed)
+        x = np.sqrt(3 * absorbed)
+        return float(-np.expm1(log_absorbed) / 2 * (np.exp(-x) + np.exp(-x * (1 + 4 * boundary / 3))) - total)
+
+    # ln(1 - alpha') is the unknown: reflectance falls with the square root of absorption
+    return float(-np.expm1(brentq(excess, -80.0, -1e-16, xtol=1e-15, rtol=1e-14)))
+
+
+def _source_heights(medium: Medium, boundary: float) -> tuple[Float, Float]:
+    """z_r and z_r + 2 z_b, (1.5)."""
+    real = medium.free_path_mm
+    return real, real + 2 * medium.extrapolation_mm(boundary)

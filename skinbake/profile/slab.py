@@ -1,0 +1,131 @@
+"""What one layer does to light of one spatial frequency: the multipole summed in closed form in the Hankel domain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.profile.medium import Medium
+
+# Thickness, in free paths, below which unscattered light is counted. From here to 1 the source on the lower face alone is
+# nearer to Monte Carlo: totals of the published three-layer skin within 3 %, with the full exp(-depth) within 8 %.
+THIN = 0.5
+
+Array = NDArray[Any]  # float64 on the real frequency axis, complex128 on the contour of hankel.py
+
+
+@dataclass(frozen=True)
+class Response:
+    """Reflection and transmission at each frequency, lit from above (down) and from below (up), shape (C, ...).
+
+    `down_loss` and `up_loss` are 1 - R, carried because R comes within round-off of 1 where nothing absorbs.
+    """
+
+    down_r: Array
+    down_t: Array
+    up_r: Array
+    up_t: Array
+    down_loss: Array
+    up_loss: Array
+
+
+def per_channel(value: Array, like: Array) -> Array:
+    """`value` of shape (C,) with unit axes appended so that it broadcasts against `like` of shape (C or 1, ...)."""
+    return value.reshape(value.shape + (1,) * (like.ndim - 1))
+
+
+def slab(medium: Medium, thickness_mm: float, top: float, bottom: float, s_per_mm: Array, guard: bool = True) -> Response:
+    """Response of a slab, THEORY (3.5), (3.6) and (3.8): exact sum of infinitely many dipoles, free of overflow.
+
+    Parameters
+    ----------
+    thickness_mm : float
+        Above 0 and finite.
+    top, bottom : float
+        Boundary factors A of the two faces.
+    s_per_mm : ndarray of shape (C or 1, ...)
+        Spatial frequency, real or in the first quadrant of the complex plane.
+    guard : bool
+        Put the source no deeper than the slab, and let what crosses a thinner slab unscattered pass as a constant (a
+        delta in space). Without it (3.4) is continued analytically, as some published figures were.
+
+    References
+    ----------
+    [Donner2005]
+    """
+    g = np.sqrt(per_channel(medium.sigma_tr_per_mm**2, s_per_mm) + s_per_mm * s_per_mm)
+    albedo, absorbed = per_channel(medium.albedo, g), per_channel(medium.absorbed, g)
+    free_path = medium.free_path_mm
+    depth = np.minimum(free_path, thickness_mm) if guard else free_path
+    above = medium.extrapolation_mm(top)
+    below = medium.extrapolation_mm(bottom)
+    source, zb_top, zb_bottom = (per_channel(x, g) for x in (depth, above, below))
+    length = thickness_mm + zb_top + zb_bottom
+    far = thickness_mm - source  # from the source down to the lower face
+
+    def sinh_part(y: Array) -> Array:
+        return -np.expm1(-2 * g * y) / 2
+
+    def cosh_part(y: Array) -> Array:
+        return (1 + np.exp(-2 * g * y)) / 2
+
+    whole = sinh_part(length)
+    still = whole == 0  # g = 0, where sinh(g y) / sinh(g L) is y / L
+    divisor = np.where(still, 1, whole)
+
+    def ratio(y: Array) -> Array:
+        return np.where(still, y / length, sinh_part(y) / divisor)
+
+    def one_side(zb_near: Array, zb_far: Array) -> tuple[Array, Array, Array]:
+        remaining = far + zb_far
+        reflected = albedo * cosh_part(zb_near) * ratio(remaining) * np.exp(-g * source)
+        transmitted = albedo * cosh_part(zb_far) * ratio(source + zb_near) * np.exp(-g * far)
+        # 1 - R as a sum of positive terms (3.8)
+        escaping = ratio(zb_near + source) * cosh_part(remaining)
+        escaping = escaping + 2 * ratio(remaining) * sinh_part(zb_near + source / 2) * sinh_part(source / 2)
+        return reflected, transmitted, absorbed + albedo * escaping
+
+    down_r, down_t, down_loss = one_side(zb_top, zb_bottom)
+    up_r, up_t, up_loss = one_side(zb_bottom, zb_top)
+    if guard:
+        ballistic = per_channel(unscattered(medium, thickness_mm), g)
+        scattered = 1 - ballistic
+        down_r, up_r = scattered * down_r, scattered * up_r
+        down_t, up_t = ballistic + scattered * down_t, ballistic + scattered * up_t
+        down_loss, up_loss = ballistic + scattered * down_loss, ballistic + scattered * up_loss
+    return Response(down_r, down_t, up_r, up_t, down_loss, up_loss)
+
+
+def unscattered(medium: Medium, thickness_mm: float) -> Array:
+    """Share that crosses a slab much thinner than the free path without an event, shape (C,).
+
+    Rises from 0 at THIN free paths to 1 at no thickness, so that a vanishing layer vanishes and nothing jumps.
+    """
+    depth = np.minimum(medium.sigma_tp_per_mm * thickness_mm, THIN)
+    return np.expm1(THIN - depth) / np.expm1(THIN)
+
+
+def sharp_transmittance(medium: Medium, thickness_mm: float) -> Array:
+    """Limit of the guarded T at infinite frequency, shape (C,): the part of T(r) that is a delta at r = 0."""
+    ballistic = unscattered(medium, thickness_mm)
+    at_lower_face = np.where(thickness_mm <= medium.free_path_mm, medium.albedo / 2, 0.0)
+    return ballistic + (1 - ballistic) * at_lower_face
+
+
+def half_space(medium: Medium, top: float, s_per_mm: Array) -> tuple[Array, Array]:
+    """R and 1 - R of a semi-infinite medium, THEORY (2.6) and (2.4), shape (C, ...).
+
+    References
+    ----------
+    [Jensen2001]
+    """
+    g = np.sqrt(per_channel(medium.sigma_tr_per_mm**2, s_per_mm) + s_per_mm * s_per_mm)
+    albedo, absorbed = per_channel(medium.albedo, g), per_channel(medium.absorbed, g)
+    real = per_channel(medium.free_path_mm, g)
+    mirrored = real + 2 * per_channel(medium.extrapolation_mm(top), g)
+    reflected = albedo / 2 * (np.exp(-g * real) + np.exp(-g * mirrored))
+    loss = absorbed - albedo / 2 * (np.expm1(-g * real) + np.expm1(-g * mirrored))
+    return reflected, loss

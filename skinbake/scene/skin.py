@@ -1,0 +1,202 @@
+"""The `skin:` part of a look: a scattering model by name, with its own keys, and how to fit Gaussians to it."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from skinbake.scene.strict import Fraction, NonNegative, Positive, Rgb, Strict
+
+Eta = Annotated[float, Field(ge=1, le=3)]  # beyond 3 the published polynomial of F_dr runs off
+Cosine = Annotated[float, Field(ge=0, lt=1)]
+Thickness = Annotated[float, Field(ge=0, allow_inf_nan=True)]
+
+
+def _one_for_all(value: Any) -> Any:
+    return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+PositiveRgb = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_one_for_all)]
+SpreadRgb = Annotated[Rgb, BeforeValidator(_one_for_all)]  # one number stands for three equal ones
+
+
+class FitSpec(Strict):
+    """How many Gaussians: a number, or as few (up to 12) as meet `tolerance`, the r-weighted relative error."""
+
+    gaussians: Annotated[int, Field(ge=1, le=12)] | None = None
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    signed: bool = False  # negative weights fit a little closer and ring at shadow edges
+    energy: Literal["exact", "free"] = "exact"  # free: the weights need not sum to the model's total
+
+    @model_validator(mode="before")
+    @classmethod
+    def _six_by_default(cls, value: Any) -> Any:
+        if isinstance(value, dict):
+            given = [key for key in ("gaussians", "tolerance") if value.get(key) is not None]
+            if len(given) == 2:
+                raise ValueError("expected either gaussians or tolerance, got both")
+            if not given:
+                return value | {"gaussians": 6}
+        return value
+
+
+class _Skin(Strict):
+    normalise: Literal["white", "none"] = "white"  # white: colour comes from the albedo map alone
+    fit: FitSpec = FitSpec(gaussians=6)
+
+
+class LayerSpec(Strict):
+    """One layer, coefficients in 1/mm. `g` makes no difference but in transport, which then uses sigma_sp / (1 - g)."""
+
+    sigma_a_per_mm: SpreadRgb
+    sigma_sp_per_mm: SpreadRgb
+    thickness_mm: Thickness = math.inf
+    eta: Eta = 1.4
+    g: Cosine = 0.0
+
+    @model_validator(mode="after")
+    def _something_happens(self) -> LayerSpec:
+        if any(a + s == 0 for a, s in zip(self.sigma_a_per_mm, self.sigma_sp_per_mm, strict=True)):
+            raise ValueError("expected sigma_a_per_mm or sigma_sp_per_mm above 0 in every channel, both are 0 in one")
+        return self
+
+
+class _Layered(_Skin):
+    layers: Annotated[tuple[LayerSpec, ...], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _single_medium(cls, value: Any) -> Any:
+        """Coefficients beside `model` describe one semi-infinite layer, so that a dipole's preset suits every model."""
+        keys = [key for key in LayerSpec.model_fields if isinstance(value, dict) and key in value]
+        if keys and "layers" not in value:
+            rest = {key: kept for key, kept in value.items() if key not in keys}
+            return rest | {"layers": [{key: value[key] for key in keys}]}
+        return value
+
+    @model_validator(mode="after")
+    def _reachable(self) -> _Layered:
+        if any(math.isinf(layer.thickness_mm) for layer in self.layers[:-1]):
+            raise ValueError("layers: expected a finite thickness_mm in every layer but the last, got .inf above another")
+        if all(layer.thickness_mm == 0 for layer in self.layers):
+            raise ValueError("layers: expected at least one layer with thickness_mm > 0, all are 0")
+        return self
+
+
+class MultipoleSkin(_Layered):
+    """Layers joined by adding [Donner2005]."""
+
+    model: Literal["multipole"]
+    boundary: Literal["polynomial", "exact"] = "polynomial"
+
+
+class TransportSkin(_Layered):
+    """The same layers by Monte Carlo [Wang1995]: R(r) of a perpendicular pencil beam per unit flux that entered."""
+
+    model: Literal["transport"]
+    photons: Annotated[int, Field(ge=1, le=10**11)] = 400_000  # a channel
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+
+
+class DipoleSkin(_Skin):
+    """A semi-infinite medium [Jensen2001]; `variant: better` is d'Eon's, multiple scattering only [dEon2012]."""
+
+    model: Literal["dipole"]
+    sigma_a_per_mm: SpreadRgb
+    sigma_sp_per_mm: SpreadRgb
+    eta: Eta = 1.3
+    variant: Literal["classic", "better"] = "classic"
+    boundary: Literal["polynomial", "exact"] = "polynomial"
+
+    @model_validator(mode="after")
+    def _something_happens(self) -> DipoleSkin:
+        LayerSpec(sigma_a_per_mm=self.sigma_a_per_mm, sigma_sp_per_mm=self.sigma_sp_per_mm)
+        return self
+
+
+class BurleySkin(_Skin):
+    """Normalised diffusion [Burley2015]: `d_mm` outright, or `mean_free_path_mm` and `albedo_rgb` [Christensen2015]."""
+
+    model: Literal["burley"]
+    d_mm: PositiveRgb | None = None
+    mean_free_path_mm: PositiveRgb | None = None
+    mean_free_path: Literal["searchlight", "diffuse", "surface"] = "searchlight"
+    albedo_rgb: Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(_one_for_all)] = (1.0, 1.0, 1.0)
+
+    @model_validator(mode="after")
+    def _one_length(self) -> BurleySkin:
+        if (self.d_mm is None) == (self.mean_free_path_mm is None):
+            raise ValueError("expected exactly one of d_mm and mean_free_path_mm (with albedo_rgb)")
+        if self.mean_free_path_mm is not None and "albedo_rgb" not in self.model_fields_set:
+            raise ValueError("mean_free_path_mm: expected albedo_rgb beside it, the shape depends on both")
+        return self
+
+
+class GaussiansSkin(_Skin):
+    """Variances and weights as given; fitted again only where `fit` asks for it."""
+
+    model: Literal["gaussians"]
+    variance_mm2: Annotated[tuple[NonNegative, ...], Field(min_length=1)]
+    weight_rgb: Annotated[tuple[tuple[float, float, float], ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _one_row_each(self) -> GaussiansSkin:
+        if len(self.variance_mm2) != len(self.weight_rgb):
+            raise ValueError(
+                f"expected one row of weight_rgb for each variance_mm2, got {len(self.weight_rgb)} for {len(self.variance_mm2)}"
+            )
+        return self
+
+
+class TableSkin(_Skin):
+    """A measured or computed profile: CSV with a header r_mm, R, G, B."""
+
+    model: Literal["table"]
+    path: str
+
+
+class PhysiologySkin(_Skin):
+    """What skin is made of instead of coefficients, per wavelength, then turned to RGB [Donner2006]."""
+
+    model: Literal["physiology"]
+    melanin: Annotated[float, Field(ge=0, le=0.5)]  # volume fraction in the epidermis
+    eumelanin: Fraction = 0.7  # brown share of the melanin, the rest is red pheomelanin
+    haemoglobin: Annotated[float, Field(ge=0, le=0.1)] = 0.005  # blood volume fraction in the dermis
+    oxygenation: Fraction = 0.75
+    epidermis_mm: Annotated[float, Field(ge=0)] = 0.25
+    eta: Eta = 1.4
+    boundary: Literal["polynomial", "exact"] = "polynomial"
+
+
+# The key that gives a model away when `model` is not written
+_TELLING = {
+    "layers": "multipole",
+    "sigma_a_per_mm": "dipole",
+    "sigma_sp_per_mm": "dipole",
+    "d_mm": "burley",
+    "mean_free_path_mm": "burley",
+    "variance_mm2": "gaussians",
+    "weight_rgb": "gaussians",
+    "path": "table",
+    "melanin": "physiology",
+}
+
+
+def _with_model(value: Any) -> Any:
+    if isinstance(value, dict) and value.get("model") is None:
+        models = {_TELLING[key] for key in value if key in _TELLING}
+        if len(models) != 1:
+            raise ValueError(
+                "expected a preset, or a model: multipole, dipole, burley, gaussians, table, transport or physiology"
+            )
+        return {**value, "model": models.pop()}
+    return value
+
+
+SkinSpec = Annotated[
+    MultipoleSkin | DipoleSkin | BurleySkin | GaussiansSkin | TableSkin | TransportSkin | PhysiologySkin,
+    Field(discriminator="model"),
+    BeforeValidator(_with_model),
+]
