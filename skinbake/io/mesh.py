@@ -123,7 +123,7 @@ def _geometries(path: Path) -> list[tuple[Any, Float]]:
         raise InputError(f"{path}: expected a mesh file ({', '.join(SUFFIXES)})")
     try:
         # process=False: trimesh would merge vertices. Never maintain_order: it gives both sides of a UV seam one UV
-        options = {"process": False, "group_material": False}
+        options: dict[str, Any] = {"process": False, "group_material": False}
         if path.suffix.lower() == ".obj":
             options["skip_materials"] = True  # for glTF this would drop the UVs as well
         with warnings.catch_warnings():  # numpy's, about arithmetic inside trimesh; what it reads is checked below
@@ -190,7 +190,8 @@ def _check_size(path: Path, positions: Float, mm_per_unit: float) -> None:
     else:
         fix = f"set mesh.mm_per_unit: {TYPICAL_HEAD_MM / longest * mm_per_unit:.4g}"
     raise InputError(
-        f"{path}: measures {size} mm, a head about {TYPICAL_HEAD_MM:.0f}; {fix}, or mesh.any_size: true if it is no head"
+        f"{path}: measures {size} mm, a head is about {TYPICAL_HEAD_MM:.0f}; {fix}, "
+        "or mesh.any_size: true if this is no head"
     )
 
 

@@ -1,0 +1,194 @@
+"""Texture maps: the only file that knows how colours are stored. Out come float32 arrays, linear, row 0 at v = 1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas.raster import FIRST_TILE
+from skinbake.errors import InputError
+from skinbake.scene.lights import EnvironmentLight, LightSpec
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.spec import MapSpec, MapsSpec
+
+Image = NDArray[np.float32]
+UDIM_MARK = "<UDIM>"
+RINGING = 0.05  # what a sharpening filter may leave below 0 or above 1; clamped, while more is refused
+
+
+def read_maps(spec: MapsSpec, tiles: Sequence[int] = (FIRST_TILE,)) -> SkinMaps:
+    """Read the maps of a look.
+
+    Parameters
+    ----------
+    spec : MapsSpec
+        Paths as they should be opened; one with `<UDIM>` names a file for each tile.
+    tiles : sequence of int
+        UDIM tiles that the mesh uses.
+
+    Raises
+    ------
+    InputError
+        A map is missing, cannot be read, is not finite or leaves its range; the message names file and texel.
+    """
+    maps: dict[str, Any] = {"albedo_rgb": spec.albedo_rgb}
+    if spec.albedo is not None:
+        maps["albedo"] = {
+            tile: _within(path, read_map(path, 3, "auto", spec.albedo.color_space), 0.0, 1.0)
+            for tile, path in _files(spec.albedo, tiles)
+        }
+    if spec.normal is not None:
+        maps["normal_space"], maps["normal_strength"] = spec.normal.space, spec.normal.strength
+        maps["normal"] = {
+            tile: _as_normals(read_map(path, 3, "linear", spec.normal.color_space), spec.normal.green)
+            for tile, path in _files(spec.normal, tiles)
+        }
+    for name in ("roughness", "specular"):
+        of = getattr(spec, name)
+        if of is not None:
+            maps[name] = {
+                tile: _within(path, read_map(path, 1, "linear", of.color_space), 0.0, 1.0)[..., 0]
+                for tile, path in _files(of, tiles)
+            }
+    return SkinMaps(**maps)
+
+
+def read_environments(lights: Iterable[LightSpec]) -> dict[str, Image]:
+    """Equirectangular radiance maps (h, w, 3) by the name of their light, for those that have a path."""
+    found = {}
+    for light in lights:
+        if isinstance(light, EnvironmentLight) and light.path is not None:
+            found[light.name] = _within(Path(light.path), read_map(light.path, 3), 0.0, np.inf)
+    return found
+
+
+def read_map(path: Path | str, channels: int, assume: str = "auto", color_space: str = "auto") -> Image:
+    """One image as (h, w, channels) float32, decoded to linear.
+
+    Parameters
+    ----------
+    path : path of anything OpenImageIO reads
+    channels : 1 or 3
+        Grey is repeated to three channels; three are averaged to one; alpha is dropped, never multiplied in.
+    assume : "auto" or "linear"
+        What `color_space: auto` means: "linear" for data; for colours "auto", sRGB for integers, linear for floats,
+        unless the file says otherwise.
+    color_space : "auto", "srgb" or "linear"
+        What the configuration says.
+
+    Raises
+    ------
+    InputError
+        The file is missing or cannot be read, or a texel is NaN or Inf.
+    """
+    path = Path(path)
+    pixels, file_space = _pixels(path)
+    if not np.issubdtype(pixels.dtype, np.integer):
+        _refuse_non_finite(path, pixels)
+    if color_space == "auto":
+        color_space = assume
+    if color_space == "auto":
+        is_integer = np.issubdtype(pixels.dtype, np.integer)
+        said_linear, said_srgb = "lin" in file_space, "srgb" in file_space
+        color_space = "srgb" if said_srgb or (is_integer and not said_linear) else "linear"
+    values = _decode(pixels, color_space)
+
+    colours = values[..., : 3 if values.shape[2] >= 3 else 1]
+    if channels == 1:
+        return colours.mean(axis=2, keepdims=True, dtype=np.float32)
+    return np.ascontiguousarray(np.repeat(colours, 3, axis=2) if colours.shape[2] == 1 else colours)
+
+
+def srgb_to_linear(encoded: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Decode sRGB (IEC 61966-2-1); values past 1 follow the curve, values below 0 its mirror."""
+    x = np.abs(np.asarray(encoded, dtype=np.float64))
+    return np.copysign(np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4), encoded)
+
+
+def _files(spec: MapSpec, tiles: Sequence[int]) -> list[tuple[int, Path]]:
+    """Existing files by tile."""
+    if UDIM_MARK not in spec.path:
+        if tuple(tiles) != (FIRST_TILE,):
+            raise InputError(f"{spec.path}: expected {UDIM_MARK} in the path, the mesh has tiles {list(tiles)}")
+        return [(FIRST_TILE, Path(spec.path))]
+    named = [(tile, Path(spec.path.replace(UDIM_MARK, str(tile)))) for tile in tiles]
+    found = [(tile, path) for tile, path in named if path.is_file()]
+    if not found:
+        raise InputError(f"{spec.path}: no such file for any of the tiles {list(tiles)}")
+    return found
+
+
+def _pixels(path: Path) -> tuple[NDArray[Any], str]:
+    """Pixels (h, w, c) in the file's own type, and the colour space it claims."""
+    import OpenImageIO as oiio  # only when a map is read
+
+    if not path.is_file():
+        raise InputError(f"{path}: expected an image, {'got a folder' if path.is_dir() else 'no such file'}")
+    hint = oiio.ImageSpec()
+    hint.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), hint)
+    if source is None:
+        raise InputError(f"{path}: not an image that can be read ({_reason(oiio.geterror())})")
+    try:
+        spec = source.spec()
+        if spec.deep or spec.depth != 1:
+            raise InputError(f"{path}: expected a flat image, got a deep or volume one")
+        window = (spec.x, spec.y, spec.width, spec.height)
+        if window != (spec.full_x, spec.full_y, spec.full_width, spec.full_height):
+            raise InputError(f"{path}: expected a data window equal to the display window, got {window}")
+        # oiio.UNKNOWN keeps the file's type, so that 8 and 16 bit decode through a table
+        pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.UNKNOWN)
+        if pixels is None or source.has_error:
+            raise InputError(f"{path}: the image is cut or damaged ({_reason(source.geterror())})")
+        return pixels, str(spec.get_string_attribute("oiio:ColorSpace")).lower()
+    finally:
+        source.close()
+
+
+def _decode(pixels: NDArray[Any], color_space: str) -> Image:
+    """Integers by a table, so that 8 and 16 bits cost one lookup a value; floats directly."""
+    srgb = color_space == "srgb"
+    if pixels.dtype in (np.uint8, np.uint16):
+        levels = np.arange(np.iinfo(pixels.dtype).max + 1) / np.iinfo(pixels.dtype).max
+        return (srgb_to_linear(levels) if srgb else levels).astype(np.float32)[pixels]
+    if np.issubdtype(pixels.dtype, np.integer):
+        pixels = pixels / np.iinfo(pixels.dtype).max
+    return (srgb_to_linear(pixels) if srgb else pixels).astype(np.float32)
+
+
+def _as_normals(values: Image, green: str) -> Image:
+    """0 ... 1 to -1 ... 1, unless the file is signed already; green up."""
+    normals = values if values.min() < 0 else 2 * values - 1
+    if green == "directx":
+        normals[..., 1] *= -1
+    return normals
+
+
+def _within(path: Path, values: Image, low: float, high: float) -> Image:
+    bad = (values < low - RINGING) | (values > high + RINGING)
+    if bad.any():
+        row, col, channel = np.argwhere(bad)[0]
+        expected = f"values from {low:g} to {high:g}" if np.isfinite(high) else f"values >= {low:g}"
+        raise InputError(
+            f"{path}: expected {expected}, got {values[row, col, channel]:g} at column {col}, row {row}"
+            f" ({np.count_nonzero(bad)} in all)"
+        )
+    return np.clip(values, low, high)
+
+
+def _refuse_non_finite(path: Path, pixels: NDArray[Any]) -> None:
+    bad = ~np.isfinite(pixels).all(axis=2)
+    if bad.any():
+        row, col = np.argwhere(bad)[0]
+        raise InputError(
+            f"{path}: expected finite values, got NaN or Inf in {np.count_nonzero(bad)} texels,"
+            f" the first at column {col}, row {row}"
+        )
+
+
+def _reason(text: str) -> str:
+    return (text.splitlines() or ["unknown format"])[0][:200]
