@@ -67,7 +67,7 @@ def _prepared(path: Path | str, overrides: Sequence[str], whole: bool = True) ->
 
 
 def apply_overrides(located: Located, overrides: Iterable[str]) -> None:
-    """Apply `dotted.key=value` strings in place; lists by index (`lights.0.name`) or by the item's name (`lights.key`)."""
+    """Apply `dotted.key=value` strings in place; lists by index (`lights.0`) or by name (`lights.key`)."""
     for text in overrides:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
@@ -95,7 +95,8 @@ def _put(located: Located, name: str, value: Any, place: str) -> None:
                 known = ", ".join(str(n) for n in names if n)
                 raise ConfigError(
                     [
-                        f"{place}: {dotted((*key, part))}: no such item; expected 0 to {len(target) - 1} or one of {known}"
+                        f"{place}: {dotted((*key, part))}: no such item; "
+                        f"expected 0 to {len(target) - 1} or one of {known}"
                     ]
                 )
         elif not isinstance(target, dict):

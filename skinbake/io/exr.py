@@ -14,6 +14,9 @@ from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write
 
 HALF_MAX = 65504.0
+HALF_FAINT = (
+    1.0 / 64
+)  # a channel all below this would lose digits to half's subnormals (6e-5) within 8 stops of its top
 # Rec.709 primaries and D65 white, as the chromaticities attribute wants them
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
@@ -46,7 +49,8 @@ def write_parts(
 ) -> None:
     """Write `parts` as one EXR with `attributes` in every part's header.
 
-    With `precision="half"`, a channel whose values pass 65504 is written as float instead.
+    With `precision="half"`, a channel whose values pass 65504, or are all so faint that half would lose their digits,
+    is written as float instead.
 
     Raises
     ------
@@ -77,10 +81,28 @@ def _stored(path: Path | str, part: str, name: str, values: NDArray[Any], precis
     if not np.isfinite(top):
         row, column = np.argwhere(~np.isfinite(values))[0]
         raise InputError(
-            f"{path}: part {part}, channel {name}: expected finite values, got {values[row, column]} at column {column}, row {row}"
+            f"{path}: part {part}, channel {name}: expected finite values, "
+            f"got {values[row, column]} at column {column}, row {row}"
         )
-    dtype = np.float16 if precision == "half" and top <= HALF_MAX else np.float32
-    return np.ascontiguousarray(values, dtype=dtype)
+    return np.ascontiguousarray(values, dtype=np.float16 if _fits_half(top, precision) else np.float32)
+
+
+def _fits_half(top: float, precision: str) -> bool:
+    """Whether a channel whose largest value is `top` keeps its three digits in half, shadows included."""
+    return precision == "half" and (top == 0 or HALF_FAINT <= top <= HALF_MAX)
+
+
+def as_stored(values: NDArray[np.float32], precision: str) -> NDArray[np.float32]:
+    """`values` of shape (..., H, W, 3) as a file gives them back: each channel rounded as `write_parts` would."""
+    if precision != "half":
+        return values
+    out = values.copy()
+    for index in np.ndindex(values.shape[:-3]):
+        for c in range(values.shape[-1]):
+            channel = values[index][..., c]
+            if _fits_half(float(np.abs(channel).max(initial=0.0)), precision):
+                out[index][..., c] = channel.astype(np.float16)
+    return out
 
 
 def read_parts(path: Path | str) -> dict[str, Part]:

@@ -1,0 +1,43 @@
+"""`skinbake diffuse CONFIG IRRADIANCE.exr`: blur any irradiance into lobes."""
+
+from __future__ import annotations
+
+import click
+
+from skinbake.cli.options import config_argument, force_option, out_option, quiet_option, set_option
+
+
+@click.command("diffuse")
+@config_argument
+@click.argument("irradiance", type=click.Path(dir_okay=False))
+@out_option
+@set_option
+@force_option
+@quiet_option
+def command(
+    config: str, irradiance: str, out: str | None, overrides: tuple[str, ...], force: bool, verbosity: int
+) -> None:
+    """Blur IRRADIANCE (ours, or any EXR with R, G, B) as CONFIG says; write lobe_*.exr and bake.json.
+
+    With UDIM tiles, IRRADIANCE is the name without the tile's number: irradiance.exr for irradiance.1001.exr and so on.
+    """
+    from pathlib import Path
+
+    from skinbake.cli.baking import manifest_of, report
+    from skinbake.cli.stages import Stages
+    from skinbake.errors import ToleranceMissedError
+    from skinbake.io.config import load_look
+    from skinbake.io.fingerprint import sha256_of
+    from skinbake.io.irradiance import read_irradiance, tile_path
+    from skinbake.io.manifest import write_manifest
+
+    spec = load_look(config, overrides, out)
+    stages = Stages(spec, force, verbosity)
+    paths = {tile: tile_path(Path(irradiance), tile, spec.texture.udim) for tile in stages.tiles}
+    maps = tuple(read_irradiance(path, tile, spec.texture.size) for tile, path in paths.items())
+    gaussians = stages.profile()
+    result = stages.diffuse(gaussians, maps, [sha256_of(path) for path in paths.values()])
+    write_manifest(stages.out, manifest_of(stages, gaussians, result, maps[0].lights))
+    report(stages, result)
+    if not result.tolerance_met:
+        raise ToleranceMissedError(f"{stages.out}: tolerance {spec.diffusion.tolerance:g} missed: {result.advice}")

@@ -1,0 +1,23 @@
+"""`skinbake irradiance CONFIG`: the light arriving at each texel."""
+
+from __future__ import annotations
+
+import click
+
+from skinbake.cli.options import config_argument, force_option, out_option, quiet_option, set_option
+
+
+@click.command("irradiance")
+@config_argument
+@out_option
+@set_option
+@force_option
+@quiet_option
+def command(config: str, out: str | None, overrides: tuple[str, ...], force: bool, verbosity: int) -> None:
+    """Rasterise CONFIG's mesh into UV space, light it, and write irradiance.exr."""
+    from skinbake.cli.stages import Stages
+    from skinbake.io.config import load_look
+
+    stages = Stages(load_look(config, overrides, out), force, verbosity)
+    stages.irradiance()
+    print(stages.out / "irradiance.exr")

@@ -1,0 +1,54 @@
+"""The key of each stage of a look: what it reads, and nothing else, so that only what changed is run again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skinbake.io.fingerprint import code_key, key_of
+from skinbake.scene.spec import SceneSpec
+
+
+def profile_key(spec: SceneSpec, inputs: dict[str, str]) -> str:
+    """Of the fitted profile."""
+    return key_of(code_key("profile"), spec.skin.model_dump(mode="json"), spec.output.seed, inputs.get("skin"))
+
+
+def light_key(spec: SceneSpec, inputs: dict[str, str], name: str, energy_conservation: bool) -> str:
+    """Of one light's irradiance. Roughness counts only where the oil layer's share is taken off the light."""
+    light = next(light for light in spec.lights if light.name == name).model_dump(mode="json")
+    light.pop("path", None)
+    oil = None
+    if energy_conservation:
+        oil = (spec.specular.model_dump(mode="json"), inputs.get("roughness"), inputs.get("specular"))
+    return key_of(
+        code_key("atlas", "irradiance"),
+        geometry(spec, inputs),
+        (
+            spec.maps.normal.model_dump(mode="json", exclude={"path"}) if spec.maps.normal else None,
+            inputs.get("normal"),
+        ),
+        (light, inputs.get(f"light.{name}"), spec.shadows, spec.output.seed, spec.output.precision),
+        oil,
+    )
+
+
+def geometry(spec: SceneSpec, inputs: dict[str, str]) -> list[Any]:
+    """What decides which point of the skin a texel shows."""
+    mesh = spec.mesh.model_dump(mode="json", exclude={"path", "any_size"})
+    return [mesh, inputs["mesh"], spec.texture.model_dump(mode="json")]
+
+
+def diffuse_key(spec: SceneSpec, inputs: dict[str, str], gaussians: Any, irradiance: Any) -> str:
+    """Of the lobes: `gaussians` are variances and weights, `irradiance` what identifies the light that is blurred."""
+    before = spec.texturing.exponent_before
+    albedo = (inputs.get("albedo"), spec.maps.albedo_rgb, spec.maps.albedo and spec.maps.albedo.color_space)
+    return key_of(
+        code_key("atlas", "profile", "diffuse"),
+        geometry(spec, inputs),
+        gaussians,
+        irradiance,
+        spec.diffusion.model_dump(mode="json"),
+        spec.terms.transmission,
+        (before, albedo if before else None),
+        (spec.output.precision, spec.output.compression, spec.output.lights, spec.output.seed),
+    )

@@ -1,0 +1,83 @@
+"""What a file or a stage depends on, as sha256: the same inputs give the same key, and the key tells what is stale."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from skinbake.errors import InputError
+from skinbake.scene.spec import SceneSpec
+
+PACKAGE = Path(__file__).parent.parent
+
+
+def sha256_of(path: Path | str) -> str:
+    """Digest of a file's bytes.
+
+    Raises
+    ------
+    InputError
+        The file is missing or cannot be read.
+    """
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: expected a file that can be read, got: {error.strerror}") from error
+
+
+def key_of(*parts: Any) -> str:
+    """Digest of plain values (anything JSON can hold)."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+@cache
+def code_key(*folders: str) -> str:
+    """Digest of the package's ground and of `folders`: results of other code are never taken for ours."""
+    files = [*PACKAGE.glob("*.py"), *(PACKAGE / "scene").glob("*.py")]
+    for folder in folders:
+        files += (PACKAGE / folder).rglob("*.py")
+    digest = hashlib.sha256()
+    for file in sorted(set(files)):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
+
+
+def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
+    """Files a look reads, by role; a map with `<UDIM>` in its name has one file a tile.
+
+    Raises
+    ------
+    InputError
+        A pattern that no file matches.
+    """
+    roles: dict[str, str | None] = {"mesh": spec.mesh.path}
+    for role in ("albedo", "normal", "roughness", "specular"):
+        chosen = getattr(spec.maps, role)
+        roles[role] = chosen.path if chosen else None
+    for light in spec.lights:
+        roles[f"light.{light.name}"] = getattr(light, "path", None)
+    roles["skin"] = getattr(spec.skin, "path", None)
+    return {role: tuple(_tiles(path)) for role, path in roles.items() if path is not None}
+
+
+def _tiles(path: str) -> Iterable[Path]:
+    if "<UDIM>" not in path:
+        return [Path(path)]
+    pattern = Path(path)
+    found = sorted(pattern.parent.glob(pattern.name.replace("<UDIM>", "[0-9][0-9][0-9][0-9]")))
+    if not found:
+        raise InputError(f"{path}: expected a file for at least one UDIM tile, found none")
+    return found
+
+
+def input_hashes(spec: SceneSpec) -> dict[str, str]:
+    """Digest of each role's file or files."""
+    return {
+        role: sha256_of(paths[0]) if len(paths) == 1 else key_of([(p.name, sha256_of(p)) for p in paths])
+        for role, paths in input_files(spec).items()
+    }

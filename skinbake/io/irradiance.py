@@ -1,0 +1,91 @@
+"""irradiance.exr: the total, and each light with its visibility as a part of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinbake.errors import InputError
+from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.irradiance import IrradianceMap
+
+LIGHT = "light."
+TOTAL = "irradiance"
+
+
+def tile_path(path: Path, tile: int, udim: bool) -> Path:
+    """`irradiance.exr`, or `irradiance.1002.exr` where there are tiles."""
+    return path.with_suffix(f".{tile}{path.suffix}") if udim else path
+
+
+def write_irradiance(
+    path: Path,
+    irradiance: IrradianceMap,
+    keys: Mapping[str, str],
+    attributes: Mapping[str, Any],
+    precision: str,
+    compression: str,
+) -> None:
+    """Write one tile: the total, then each light with its stage key from `keys`."""
+    parts = [Part(TOTAL, rgb_channels(irradiance.total) | {"A": irradiance.coverage})]
+    for i, name in enumerate(irradiance.lights):
+        channels = rgb_channels(irradiance.rgb[i]) | {"visibility": irradiance.visibility[i]}
+        parts.append(Part(LIGHT + name, channels, {"skinbake:key": keys[name]}))
+    write_parts(path, parts, attributes, precision, compression)
+
+
+def light_keys(path: Path) -> dict[str, str]:
+    """Stage key of each light in a file; empty where there is no such file, or one of another kind."""
+    try:
+        headers = read_attributes(path)
+    except InputError:
+        return {}
+    return {
+        name.removeprefix(LIGHT): str(header.get("skinbake:key", ""))
+        for name, header in headers.items()
+        if name.startswith(LIGHT)
+    }
+
+
+def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) -> IrradianceMap:
+    """Read our own file, or any EXR with R, G, B: one light called "total" where there are no parts.
+
+    Parameters
+    ----------
+    size : (width, height), optional
+        What the look's texture has.
+
+    Raises
+    ------
+    InputError
+        No RGB, another size, or a value that is negative or not finite (named by its texel).
+    """
+    parts = read_parts(path)
+    lights = [name for name, part in parts.items() if name.startswith(LIGHT) and {"R", "G", "B"} <= set(part.channels)]
+    total = parts.get(TOTAL) or next(iter(parts.values()))
+    if not {"R", "G", "B"} <= set(total.channels):
+        raise InputError(f"{path}: expected channels R, G, B, got {', '.join(total.channels)}")
+    chosen = [parts[name] for name in lights] or [total]
+    rgb = np.stack([part.rgb for part in chosen])
+    height, width = rgb.shape[1:3]
+    if size is not None and (width, height) != tuple(size):
+        raise InputError(f"{path}: expected texture.size {size[0]} x {size[1]}, got {width} x {height}")
+    bad = ~(rgb >= 0) | ~np.isfinite(rgb)  # NaN compares false
+    if bad.any():
+        light, row, column, channel = np.argwhere(bad)[0]
+        part = chosen[light].name or "image"
+        raise InputError(
+            f"{path}: part {part}, channel {'RGB'[channel]}: expected finite values >= 0, "
+            f"got {rgb[light, row, column, channel]} at column {column}, row {row}"
+        )
+    one = np.ones((height, width), np.float32)
+    return IrradianceMap(
+        tile,
+        tuple(name.removeprefix(LIGHT) for name in lights) or ("total",),
+        rgb,
+        np.stack([np.asarray(part.channels.get("visibility", one), np.float32) for part in chosen]),
+        np.asarray(total.channels.get("A", one), np.float32),
+    )

@@ -1,0 +1,100 @@
+"""lobe_0.exr ...: one blurred irradiance texture a Gaussian, with what is known about it in the header."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, MeasuredError, PlanLine
+from skinbake.errors import InputError
+from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
+
+
+def lobe_name(index: int, lobe: Lobe | None = None) -> str:
+    """File name without tile; light through thin parts has its own."""
+    return "transmission.exr" if lobe is not None and lobe.method == "transmission" else f"lobe_{index}.exr"
+
+
+def write_lobes(
+    folder: Path,
+    result: DiffuseMap,
+    key: str,
+    attributes: Mapping[str, Any],
+    precision: str,
+    compression: str,
+    separate: bool = True,
+    udim: bool = False,
+) -> None:
+    """Write every lobe and tile; the first file's header holds the plan, so that a bake can be taken up from it."""
+    names = [lobe_name(index, lobe) for index, lobe in enumerate(result.lobes)]
+    summary = {
+        "lights": result.lights,
+        "files": names,
+        "error": asdict(result.error) if result.error else None,
+        "plan": [asdict(line) for line in result.plan],
+        "tolerance_met": result.tolerance_met,
+        "advice": result.advice,
+    }
+    for index in reversed(range(len(result.lobes))):  # lobe_0 last: a folder that has it has them all
+        lobe = result.lobes[index]
+        header = dict(attributes) | {
+            "skinbake:key": key,
+            "skinbake:variance_mm2": float(lobe.variance_mm2),
+            "skinbake:weight_rgb": [float(w) for w in lobe.weight_rgb],
+            "skinbake:method": lobe.method,
+            "skinbake:error": json.dumps(asdict(result.error) if result.error else None),
+        }
+        if index == 0:
+            header["skinbake:diffusion"] = json.dumps(summary)
+        for tile, rgb in lobe.rgb.items():
+            parts = [Part(TOTAL, rgb_channels(rgb.sum(axis=0, dtype=np.float32)))]
+            if separate:
+                parts += [Part(LIGHT + n, rgb_channels(rgb[i])) for i, n in enumerate(result.lights)]
+            write_parts(tile_path(folder / names[index], tile, udim), parts, header, precision, compression)
+
+
+def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:
+    """What `write_lobes` wrote under `key`, without the pixels; None where any of it is missing or stale."""
+    header = _header(tile_path(folder / lobe_name(0), tiles[0], udim))
+    if header.get("skinbake:key") != key:
+        return None
+    summary = json.loads(header["skinbake:diffusion"])
+    lobes = []
+    for name in summary["files"]:
+        shapes = {}
+        for tile in tiles:
+            header = _header(tile_path(folder / name, tile, udim))
+            if header.get("skinbake:key") != key:
+                return None
+            width, height = header["size"]
+            shapes[tile] = np.zeros((0, height, width, 3), np.float32)
+        weight = tuple(header["skinbake:weight_rgb"])
+        lobes.append(Lobe(header["skinbake:variance_mm2"], weight, header["skinbake:method"], shapes))
+    error = MeasuredError(**summary["error"]) if summary["error"] else None
+    return DiffuseMap(
+        tuple(summary["lights"]),
+        tuple(lobes),
+        error,
+        tuple(PlanLine(**line) for line in summary["plan"]),
+        tolerance_met=summary["tolerance_met"],
+        advice=summary["advice"],
+    )
+
+
+def _header(path: Path) -> dict[str, Any]:
+    try:
+        return read_attributes(path).get(TOTAL, {})
+    except InputError:
+        return {}
+
+
+def read_lobe(path: Path) -> dict[str, NDArray[np.float32]]:
+    """Part name ("irradiance", "light.<name>") to (h, w, 3) float32."""
+    return {name: part.rgb for name, part in read_parts(path).items()}

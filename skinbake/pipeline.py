@@ -1,0 +1,124 @@
+"""The bake on one screen: what is called, in which order, on which data. No file, clock or print below this line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, rasterize, sample_map
+from skinbake.diffuse import DiffuseMap, diffuse
+from skinbake.diffuse.diffuse_map import PlanLine
+from skinbake.irradiance import IrradianceMap, light_texels
+from skinbake.irradiance.oil_albedo import mean_specular_albedo
+from skinbake.profile import FitReport, GaussianSum, fit_skin
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import SceneSpec
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class SceneData:
+    """What a look's files hold, read.
+
+    Attributes
+    ----------
+    mesh : SkinMesh
+    maps : SkinMaps
+    environments : mapping of light name to ndarray of shape (h, w, 3), linear radiance
+    """
+
+    mesh: SkinMesh
+    maps: SkinMaps
+    environments: Mapping[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class Baked:
+    """Everything a bake computes."""
+
+    profile: FitReport
+    atlas: Atlas
+    irradiance: tuple[IrradianceMap, ...]
+    diffuse: DiffuseMap
+
+
+def bake(spec: SceneSpec, scene: SceneData, profile_table: NDArray[np.float64] | None = None) -> Baked:
+    """The five steps in memory; the verbs run the same steps with files between them."""
+    profile = fit_skin(spec.skin, table=profile_table, seed=spec.output.seed)
+    atlas = atlas_of(spec, scene.mesh)
+    irradiance = light_skin(spec, scene, atlas)
+    return Baked(profile, atlas, irradiance, scatter(spec, scene, atlas, irradiance, profile.gaussians))
+
+
+def atlas_of(spec: SceneSpec, mesh: SkinMesh) -> Atlas:
+    """Raster of the mesh at the look's texture size."""
+    return rasterize(mesh, spec.texture.size, spec.texture.gutter, spec.texture.udim)
+
+
+def light_skin(
+    spec: SceneSpec, scene: SceneData, atlas: Atlas, names: tuple[str, ...] | None = None
+) -> tuple[IrradianceMap, ...]:
+    """Irradiance of the look's lights, or of those in `names`; a light's values do not depend on the others."""
+    return light_texels(
+        atlas,
+        scene.mesh,
+        scene.maps,
+        tuple(light for light in spec.lights if names is None or light.name in names),
+        shadows=spec.shadows,
+        specular=spec.specular,
+        energy_conservation=energy_conservation(spec).kept,
+        environments=scene.environments,
+        seed=spec.output.seed,
+    )
+
+
+def scatter(
+    spec: SceneSpec,
+    scene: SceneData,
+    atlas: Atlas,
+    irradiance: tuple[IrradianceMap, ...],
+    gaussians: GaussianSum,
+    say: Say | None = None,
+) -> DiffuseMap:
+    """Lobes of irradiance times albedo^x, x = 1 for pre-scatter texturing (THEORY 5.1)."""
+    exponent = spec.texturing.exponent_before
+    source = {
+        tile.tile: tile.rgb * albedo_of(scene.maps, raster, exponent)
+        for tile, raster in zip(irradiance, atlas, strict=True)
+    }
+    return diffuse(
+        source,
+        irradiance[0].lights,
+        atlas,
+        scene.mesh,
+        gaussians,
+        spec.diffusion,
+        seed=spec.output.seed,
+        precision=spec.output.precision,
+        progress=say,
+    )
+
+
+def albedo_of(maps: SkinMaps, raster: object, exponent: float) -> NDArray[np.float32]:
+    """albedo^exponent at the texels of a tile, shape (H, W, 3), or (3,) where it is the same everywhere."""
+    if exponent == 0:
+        return np.ones(3, np.float32)
+    image = maps.albedo.get(raster.tile)  # type: ignore[attr-defined]
+    if image is None:
+        return np.asarray(maps.albedo_rgb, np.float32) ** np.float32(exponent)
+    albedo = np.maximum(sample_map(image, raster), 0)
+    return albedo if exponent == 1 else albedo ** np.float32(exponent)
+
+
+def energy_conservation(spec: SceneSpec) -> PlanLine:
+    """Whether the oil layer's share is taken off the light that enters, and the share that decides `auto`."""
+    share = float(spec.specular.strength * mean_specular_albedo(spec.specular.roughness, spec.specular.f0))
+    wanted = spec.terms.energy_conservation
+    kept = share > spec.diffusion.tolerance if wanted == "auto" else wanted == "on"
+    reason = f"the oil layer reflects {share:.2%} of diffuse light"
+    return PlanLine("energy_conservation", kept, f"{wanted}: {reason}, tolerance {spec.diffusion.tolerance:.2%}")
