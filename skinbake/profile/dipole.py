@@ -35,7 +35,9 @@ def log_dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) ->
     terms = []
     for depth in _source_heights(medium, boundary):
         distance = np.hypot(radius_mm[None, :], depth[:, None])
-        terms.append(np.log(depth)[:, None] + np.log1p(sigma_tr * distance) - sigma_tr * distance - 3 * np.log(distance))
+        terms.append(
+            np.log(depth)[:, None] + np.log1p(sigma_tr * distance) - sigma_tr * distance - 3 * np.log(distance)
+        )
     return np.log(medium.albedo / (4 * np.pi))[:, None] + np.logaddexp(*terms)
 
 

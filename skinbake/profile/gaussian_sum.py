@@ -38,7 +38,9 @@ class GaussianSum:
     def __post_init__(self) -> None:
         n = len(self.variance_mm2)
         if self.weight_rgb.shape != (n, 3) or n == 0:
-            raise ValueError(f"weight_rgb: expected shape ({n}, 3) with at least one Gaussian, got {self.weight_rgb.shape}")
+            raise ValueError(
+                f"weight_rgb: expected shape ({n}, 3) with at least one Gaussian, got {self.weight_rgb.shape}"
+            )
         if not (np.isfinite(self.variance_mm2).all() and np.isfinite(self.weight_rgb).all()):
             raise ValueError("GaussianSum: variances and weights must be finite")
         if np.any(self.variance_mm2 < 0) or np.any(np.diff(self.variance_mm2) <= 0):

@@ -65,7 +65,7 @@ def inverse_hankel(
 def _logarithmic(radius: Float, shortest_mm: float, longest_mm: float) -> tuple[Float, Float]:
     """Geometric steps t, shape (N, M), and their logarithmic spacing, shape (N, 1), for each radius."""
     top = 60 / (radius + shortest_mm)
-    bottom = 1e-14 / (radius + longest_mm)
+    bottom = 1e-13 / (radius + longest_mm)
     decades = np.log(top / bottom) / np.log(10)
     count = int(np.ceil(decades.max() * STEPS_PER_DECADE))
     step = np.log(top / bottom)[:, None] / count

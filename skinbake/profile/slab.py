@@ -37,7 +37,9 @@ def per_channel(value: Array, like: Array) -> Array:
     return value.reshape(value.shape + (1,) * (like.ndim - 1))
 
 
-def slab(medium: Medium, thickness_mm: float, top: float, bottom: float, s_per_mm: Array, guard: bool = True) -> Response:
+def slab(
+    medium: Medium, thickness_mm: float, top: float, bottom: float, s_per_mm: Array, guard: bool = True
+) -> Response:
     """Response of a slab, THEORY (3.5), (3.6) and (3.8): exact sum of infinitely many dipoles, free of overflow.
 
     Parameters

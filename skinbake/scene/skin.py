@@ -79,7 +79,9 @@ class _Layered(_Skin):
     @model_validator(mode="after")
     def _reachable(self) -> _Layered:
         if any(math.isinf(layer.thickness_mm) for layer in self.layers[:-1]):
-            raise ValueError("layers: expected a finite thickness_mm in every layer but the last, got .inf above another")
+            raise ValueError(
+                "layers: expected a finite thickness_mm in every layer but the last, got .inf above another"
+            )
         if all(layer.thickness_mm == 0 for layer in self.layers):
             raise ValueError("layers: expected at least one layer with thickness_mm > 0, all are 0")
         return self

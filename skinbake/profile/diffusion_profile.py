@@ -1,0 +1,133 @@
+"""What every scattering model offers: R(r), T(r), totals, and nodes to fit at."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinbake.numerics import Float
+from skinbake.profile.fit_nodes import FitNodes, FrequencyNodes, geometric
+
+RGB = 3
+
+
+def as_radii(radius_mm: ArrayLike) -> Float:
+    """Radii as a float64 array of shape (N,).
+
+    Raises
+    ------
+    ValueError
+        If a radius is negative or not finite.
+    """
+    radius = np.atleast_1d(np.asarray(radius_mm, dtype=np.float64))
+    if radius.ndim != 1 or not np.isfinite(radius).all() or np.any(radius < 0):
+        raise ValueError(f"radius_mm: expected finite numbers >= 0, got {radius_mm}")
+    return radius
+
+
+class DiffusionProfile(ABC):
+    """Light that leaves at distance r from where it entered, per unit flux that entered; linear RGB."""
+
+    model: str
+
+    @abstractmethod
+    def reflectance(self, radius_mm: ArrayLike) -> Float:
+        """R(r), mm^-2, shape (N, 3)."""
+
+    @property
+    @abstractmethod
+    def total_reflectance(self) -> Float:
+        """2 pi int R r dr, shape (3,)."""
+
+    @abstractmethod
+    def fit_nodes(self) -> FitNodes:
+        """Where a fit compares itself with the model."""
+
+    def transmittance(self, radius_mm: ArrayLike) -> Float:
+        """T(r) below the lowest layer without its delta at r = 0, mm^-2, shape (N, 3)."""
+        return np.zeros((len(as_radii(radius_mm)), RGB))
+
+    @property
+    def total_transmittance(self) -> Float:
+        """All light that leaves below, `sharp_transmittance` included, shape (3,)."""
+        return np.zeros(RGB)
+
+    @property
+    def sharp_transmittance(self) -> Float:
+        """The part of the total that leaves exactly below its entry: a delta no table of T(r) can hold, shape (3,)."""
+        return np.zeros(RGB)
+
+    def stderr(self, radius_mm: ArrayLike) -> Float | None:
+        """Standard error of R(r), mm^-2, shape (N, 3); None where the model is not statistical."""
+        return None
+
+    @property
+    def total_stderr(self) -> Float | None:
+        """Standard error of the total reflectance, shape (3,); None where the model is not statistical."""
+        return None
+
+
+class SpectralProfile(DiffusionProfile):
+    """A profile whose Hankel transform is known in closed form."""
+
+    @abstractmethod
+    def hankel(self, s_per_mm: Float) -> Float:
+        """R~(s), shape (M, 3); at s = 0 the total reflectance."""
+
+    @property
+    @abstractmethod
+    def lengths_mm(self) -> tuple[float, float]:
+        """Shortest and longest length that shape the profile: R~ falls as exp(-s shortest) or faster."""
+
+    footprint_mm: float = 0.0
+
+    @property
+    def total_reflectance(self) -> Float:
+        """R~(0)."""
+        return self.hankel(np.zeros(1))[0]
+
+    def fit_nodes(self) -> FitNodes:
+        """Geometric frequencies over everything the profile contains."""
+        shortest, longest = self.lengths_mm
+        s = geometric(1e-6 / longest, 45 / shortest)
+        return FrequencyNodes(s, self.hankel(s), self.total_reflectance, self.footprint_mm)
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A profile at given radii, as the `profile` verb prints it. Arrays are (N, 3) but `radius_mm` (N,) and totals (3,)."""
+
+    radius_mm: Float
+    reflectance_per_mm2: Float
+    transmittance_per_mm2: Float
+    total_reflectance: Float
+    total_transmittance: Float
+    sharp_transmittance: Float
+    stderr_per_mm2: Float | None = None
+    total_stderr: Float | None = None
+    model: str = field(default="")
+
+
+def evaluate(profile: DiffusionProfile, radius_mm: ArrayLike) -> Evaluated:
+    """All a profile says about the given radii.
+
+    Raises
+    ------
+    ValueError
+        If a radius is negative or not finite.
+    """
+    radius = as_radii(radius_mm)
+    return Evaluated(
+        radius,
+        profile.reflectance(radius),
+        profile.transmittance(radius),
+        profile.total_reflectance,
+        profile.total_transmittance,
+        profile.sharp_transmittance,
+        profile.stderr(radius),
+        profile.total_stderr,
+        profile.model,
+    )

@@ -1,0 +1,119 @@
+"""A skin's profile as a sum of Gaussians, and how good that is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skinbake.errors import InputError
+from skinbake.numerics import Float, safe_div
+from skinbake.profile.diffusion_profile import DiffusionProfile
+from skinbake.profile.fit_report import FitReport
+from skinbake.profile.from_skin import profile_of
+from skinbake.profile.gaussian_sum import GaussianSum
+from skinbake.profile.models import GaussianProfile
+from skinbake.profile.variable_projection import Fitter, Projection
+from skinbake.scene.skin import FitSpec, GaussiansSkin, SkinSpec
+
+MAX_GAUSSIANS = 12
+CHANNELS = ("red", "green", "blue")
+
+
+def fit_skin(
+    skin: SkinSpec, table: tuple[Float, Float] | None = None, photons: int | None = None, seed: int | None = None
+) -> FitReport:
+    """Gaussians for a skin; given ones pass unchanged unless the configuration asks for a fit.
+
+    Parameters
+    ----------
+    skin : SkinSpec
+    table, photons, seed
+        As `profile_of`.
+
+    Raises
+    ------
+    InputError
+        If the profile is dark, in any channel when it is to be normalised to white.
+    """
+    profile = profile_of(skin, table, photons, seed)
+    if isinstance(skin, GaussiansSkin) and "fit" not in skin.model_fields_set:
+        assert isinstance(profile, GaussianProfile)
+        given = profile.gaussians
+        weight = _normalised(given.weight_rgb, given.energy_rgb, skin.normalise)
+        gaussians = GaussianSum(
+            given.variance_mm2, weight, np.zeros(3), given.energy_rgb, profile.model, skin.normalise
+        )
+        return FitReport(gaussians, profile)
+    return fit_report(profile, skin.fit, skin.normalise)
+
+
+def fit_gaussians(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white") -> GaussianSum:
+    """Sum of Gaussians nearest to a profile; as `fit_report` without the report."""
+    return fit_report(profile, fit, normalise).gaussians
+
+
+def fit_report(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white") -> FitReport:
+    """Fit Gaussians of shared variances by the r-weighted relative error, THEORY (4.2).
+
+    Parameters
+    ----------
+    profile : DiffusionProfile
+    fit : FitSpec
+        A number of Gaussians, or the tolerance that the worst channel must meet with as few as possible.
+    normalise : {"white", "none"}
+        "white" scales each channel's weights to sum to 1.
+
+    Raises
+    ------
+    InputError
+        If the profile is dark (in any channel, with "white"), not finite, or has a delta.
+
+    References
+    ----------
+    [dEon2007]
+    """
+    if isinstance(profile, GaussianProfile) and profile.gaussians.variance_mm2[0] == 0:
+        raise InputError("variance_mm2: expected values > 0 to fit again, a Gaussian of variance 0 is a delta")
+    try:
+        fitter = Fitter(profile.fit_nodes(), exact_energy=fit.energy == "exact", signed=fit.signed)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    energy = profile.total_reflectance
+    _normalised(energy[None], energy, normalise)  # refuse before the work
+    if fit.tolerance is None:
+        found, met = fitter.fit(fit.gaussians or 6), True
+    else:
+        found, met = _fewest(fitter, fit.tolerance)
+    weight = _normalised(found.weight, energy, normalise)
+    gaussians = GaussianSum(found.variance_mm2, weight, found.error, energy, profile.model, normalise)
+    return FitReport(gaussians, profile, fit.tolerance, met)
+
+
+def _fewest(fitter: Fitter, tolerance: float) -> tuple[Projection, bool]:
+    """Fewest Gaussians whose worst channel meets the tolerance, or the best found and False."""
+    best: Projection | None = None
+    starts: list[Float] = []
+    for count in range(1, MAX_GAUSSIANS + 1):
+        found = fitter.fit(count, starts)
+        if best is None or found.error.max() < best.error.max():
+            best = found
+        if found.error.max() <= tolerance:
+            return found, True
+        # The next one starts from this one, with its widest gap filled
+        log_v = np.log(found.variance_mm2)
+        gap = int(np.argmax(np.diff(log_v))) if count > 1 else 0
+        middle = log_v[gap : gap + 2].mean() if count > 1 else log_v[0] + 1.5
+        starts = [np.exp(np.append(log_v, middle))]
+    assert best is not None
+    return best, False
+
+
+def _normalised(weight: Float, energy: Float, normalise: str) -> Float:
+    if normalise == "none":
+        return weight
+    total = weight.sum(axis=0)
+    for channel, light, kept in zip(CHANNELS, energy, total, strict=True):
+        if light <= 0 or kept <= 0:
+            raise InputError(
+                f"skin.normalise: white needs light in every channel, {channel} reflects {light:.3g}; use none"
+            )
+    return safe_div(weight, total)

@@ -1,0 +1,220 @@
+"""The analytic models as profiles: dipole, better dipole, layers, normalised diffusion, given Gaussians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinbake.numerics import Float
+from skinbake.profile.better_dipole import BetterDipole
+from skinbake.profile.burley import burley_cdf, burley_disc_mean, burley_hankel, burley_reflectance
+from skinbake.profile.diffusion_profile import SpectralProfile, as_radii
+from skinbake.profile.dipole import dipole_reflectance, dipole_total
+from skinbake.profile.fresnel import BoundaryMethod, boundary_factor
+from skinbake.profile.gaussian_sum import GaussianSum
+from skinbake.profile.hankel import Transform, inverse_hankel
+from skinbake.profile.layers import Layer, sharp_stack_transmittance, stack_response, without_empty
+from skinbake.profile.medium import Medium
+from skinbake.profile.slab import Array, half_space
+
+ROUND_OFF = 1e-9  # share of R(0) below which a negative R(r) is taken as 0, THEORY section 10
+
+
+@dataclass(frozen=True)
+class DipoleProfile(SpectralProfile):
+    """A semi-infinite medium by the classic dipole, everything in closed form."""
+
+    medium: Medium
+    eta: float
+    boundary: BoundaryMethod = "polynomial"
+    model: str = "dipole"
+
+    @property
+    def factor(self) -> float:
+        """A of the face."""
+        return boundary_factor(self.eta, self.boundary)
+
+    def reflectance(self, radius_mm: ArrayLike) -> Float:
+        """R(r) by THEORY (2.1)."""
+        return dipole_reflectance(self.medium, self.factor, as_radii(radius_mm)).T
+
+    @property
+    def total_reflectance(self) -> Float:
+        """R_d by THEORY (2.2)."""
+        return dipole_total(self.medium, self.factor)
+
+    def hankel(self, s_per_mm: Float) -> Float:
+        """R~(s) by THEORY (2.6)."""
+        return half_space(self.medium, self.factor, s_per_mm[None])[0].T
+
+    @property
+    def lengths_mm(self) -> tuple[float, float]:
+        """From the source's depth to the diffusion length."""
+        return media_lengths((self.medium,))
+
+
+@dataclass(frozen=True)
+class BetterDipoleProfile(SpectralProfile):
+    """A semi-infinite medium by d'Eon's better dipole: multiple scattering only."""
+
+    dipole: BetterDipole
+    model: str = "dipole"
+
+    def reflectance(self, radius_mm: ArrayLike) -> Float:
+        """R(r) by THEORY (2.5)."""
+        return self.dipole.reflectance(as_radii(radius_mm)).T
+
+    def hankel(self, s_per_mm: Float) -> Float:
+        """R~(s), whose value at 0 is the total of (2.5)."""
+        return self.dipole.hankel(s_per_mm[None]).T
+
+    @property
+    def lengths_mm(self) -> tuple[float, float]:
+        """From the source's depth to the diffusion length."""
+        return media_lengths((self.dipole.medium,))
+
+
+@dataclass(frozen=True)
+class LayeredProfile(SpectralProfile):
+    """Layers by adding, one channel a coefficient; `to_rgb` mixes the channels where they are wavelengths.
+
+    Attributes
+    ----------
+    to_rgb : ndarray of shape (3, C)
+    guard : bool
+        See `slab`.
+    """
+
+    layers: tuple[Layer, ...]
+    to_rgb: Float = field(default_factory=lambda: np.eye(3))
+    boundary: BoundaryMethod = "polynomial"
+    guard: bool = True
+    model: str = "multipole"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "layers", without_empty(self.layers))
+
+    def _response(self, s_per_mm: Array) -> tuple[Array, Array]:
+        return stack_response(self.layers, s_per_mm, self.boundary, self.guard)
+
+    def hankel(self, s_per_mm: Float) -> Float:
+        """R~(s) by THEORY (3.5) and (3.7)."""
+        return (self.to_rgb @ self._response(s_per_mm[None])[0]).T
+
+    @property
+    def total_transmittance(self) -> Float:
+        """T~(0)."""
+        return self.to_rgb @ self._response(np.zeros((1, 1)))[1][:, 0]
+
+    @property
+    def sharp_transmittance(self) -> Float:
+        """Limit of T~ at infinite frequency."""
+        return self.to_rgb @ self._sharp
+
+    @property
+    def _sharp(self) -> Float:
+        channels = len(self.layers[0].medium.albedo)
+        return np.broadcast_to(sharp_stack_transmittance(self.layers) if self.guard else 0.0, channels)
+
+    def reflectance(self, radius_mm: ArrayLike) -> Float:
+        """R(r) by the inverse Hankel transform."""
+        return self._inverse(lambda s: self._response(s)[0], radius_mm)
+
+    def transmittance(self, radius_mm: ArrayLike) -> Float:
+        """T(r) by the inverse Hankel transform of what is not a delta."""
+        if np.isinf(self.layers[-1].thickness_mm):
+            return super().transmittance(radius_mm)
+        sharp = self._sharp[:, None, None]
+        return self._inverse(lambda s: self._response(s)[1] - sharp.reshape(sharp.shape[: s.ndim]), radius_mm)
+
+    def _inverse(self, transform: Transform, radius_mm: ArrayLike) -> Float:
+        first = np.min([layer.medium.sigma_tr_per_mm for layer in self.layers], axis=0)
+        radius = np.append(as_radii(radius_mm), 0.0)
+        # A few radii at a time keeps many wavelengths within the cache
+        parts = np.array_split(radius, max(1, len(radius) * len(first) // 200))
+        values = np.concatenate([inverse_hankel(transform, part, first, *self.lengths_mm).T for part in parts])
+        # Far out the result is round-off of either sign; anything larger is not round-off and is shown as it is
+        round_off = (values < 0) & (np.abs(values) < ROUND_OFF * np.abs(values[-1]))
+        return np.where(round_off, 0.0, values)[:-1] @ self.to_rgb.T
+
+    @property
+    def lengths_mm(self) -> tuple[float, float]:
+        """Least distance of a source from a face, to the longest free path or diffusion length."""
+        shortest, longest = media_lengths(tuple(layer.medium for layer in self.layers))
+        for layer in self.layers:
+            if np.isfinite(layer.thickness_mm):
+                to_face = np.abs(layer.thickness_mm - layer.medium.free_path_mm)
+                near = np.where(to_face > 1e-9 * layer.thickness_mm, to_face, layer.thickness_mm)
+                shortest = min(shortest, layer.thickness_mm, float(near.min()))
+        return shortest, longest
+
+
+@dataclass(frozen=True)
+class BurleyProfile(SpectralProfile):
+    """Normalised diffusion. R rises as 1/r, so r = 0 is given as the mean over a disc of d/20, and a fit is judged through it."""
+
+    d_mm: Float
+    albedo: Float
+    model: str = "burley"
+
+    @property
+    def footprint_mm(self) -> float:  # type: ignore[override]
+        """d/20 of the narrowest channel."""
+        return float(np.min(self.d_mm)) / 20
+
+    def reflectance(self, radius_mm: ArrayLike) -> Float:
+        """R(r) by THEORY (8.1)."""
+        radius = as_radii(radius_mm)
+        at_zero = burley_disc_mean(self.d_mm, self.albedo, np.float64(self.footprint_mm))  # type: ignore[arg-type]
+        return np.where((radius == 0)[:, None], at_zero, burley_reflectance(self.d_mm, self.albedo, radius).T)
+
+    @property
+    def total_reflectance(self) -> Float:
+        """The albedo A."""
+        return self.albedo
+
+    def cdf(self, radius_mm: ArrayLike) -> Float:
+        """Share of the light within r, shape (N, 3)."""
+        return burley_cdf(self.d_mm, as_radii(radius_mm)[:, None])
+
+    def hankel(self, s_per_mm: Float) -> Float:
+        """Closed form of R~(s)."""
+        return burley_hankel(self.d_mm, self.albedo, s_per_mm).T
+
+    @property
+    def lengths_mm(self) -> tuple[float, float]:
+        """The footprint cuts the frequencies at exp(-36)."""
+        return self.footprint_mm * 45 / 8.5, float(np.max(self.d_mm)) * 3
+
+
+@dataclass(frozen=True)
+class GaussianProfile(SpectralProfile):
+    """A given sum of Gaussians seen as a model; a variance of 0 is a delta and stays out of R(r)."""
+
+    gaussians: GaussianSum
+    model: str = "gaussians"
+
+    def reflectance(self, radius_mm: ArrayLike) -> Float:
+        """Sum of the Gaussians at r."""
+        return self.gaussians.evaluate(as_radii(radius_mm))
+
+    def hankel(self, s_per_mm: Float) -> Float:
+        """Sum of w exp(-v s^2 / 2)."""
+        return np.exp(-(s_per_mm[:, None] ** 2) * self.gaussians.variance_mm2 / 2) @ self.gaussians.weight_rgb
+
+    @property
+    def lengths_mm(self) -> tuple[float, float]:
+        """Frequencies up to exp(-36) of the narrowest that is not a delta."""
+        wide = self.gaussians.variance_mm2[self.gaussians.variance_mm2 > 0]
+        if wide.size == 0:
+            return 1.0, 1.0
+        return float(np.sqrt(wide[0])) * 45 / 8.5, float(np.sqrt(wide[-1]))
+
+
+def media_lengths(media: tuple[Medium, ...]) -> tuple[float, float]:
+    """Shortest free path, and the longest free path or diffusion length (at most 1e3 of the former, where nothing absorbs)."""
+    paths = np.concatenate([medium.free_path_mm for medium in media])
+    spread = np.concatenate([1 / np.maximum(m.sigma_tr_per_mm, 1e-3 / m.free_path_mm) for m in media])
+    return float(paths.min()), float(max(paths.max(), spread.max()))

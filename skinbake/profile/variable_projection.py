@@ -1,0 +1,169 @@
+"""Variances by variable projection: for any variances the best weights are known, so only ln v is searched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinbake.numerics import Float
+from skinbake.profile.fit_nodes import FitNodes
+from skinbake.profile.weights import best_weights, zero_sum_basis
+
+# Consecutive variances stay this far apart: closer ones make the scaled Gram matrix singular, THEORY 4.3
+MIN_RATIO = 2.0
+MIN_RATIO_SIGNED = 1.25
+SHARE_RANGE = (1e-4, 0.99)  # shares of the light under a window exp(-r^2 / 2v) that bound the variances
+# Shares of the light between which the starting variances are spread geometrically
+STARTS = ((0.02, 0.98), (0.05, 0.9), (0.2, 0.97), (0.005, 0.99), (0.1, 0.7), (0.002, 0.8))
+WALL = 10.0  # residual for each e-fold beyond the range, against fit residuals well below 1
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Variances, their best weights, and the relative error (4.2) of each channel."""
+
+    variance_mm2: Float  # (K,)
+    weight: Float  # (K, C)
+    error: Float  # (C,)
+
+
+class Fitter:
+    """Fits any number of Gaussians to the same nodes.
+
+    Parameters
+    ----------
+    nodes : FitNodes
+    exact_energy : bool
+        Weights of a channel sum to the model's total.
+    signed : bool
+        Weights may be negative.
+
+    Raises
+    ------
+    ValueError
+        If the profile is not finite, or dark in every channel.
+
+    References
+    ----------
+    [Golub1973], [dEon2007]
+    """
+
+    def __init__(self, nodes: FitNodes, exact_energy: bool = True, signed: bool = False) -> None:
+        if not (np.isfinite(nodes.target).all() and np.isfinite(nodes.total).all()):
+            raise ValueError("profile: expected finite values to fit, got NaN or infinity")
+        self.nodes = nodes
+        self.exact_energy = exact_energy
+        self.signed = signed
+        wanted = nodes.target * nodes.root_weight[:, None]
+        self.norm = np.linalg.norm(wanted, axis=0)
+        self.lit = (self.norm > 0) & (nodes.total > 0)
+        if not self.lit.any():
+            raise ValueError("profile: reflects no light in any channel, there is nothing to fit")
+        # A dark channel keeps zero weights; the others count alike
+        self.wanted = wanted / np.where(self.lit, self.norm, 1)
+        self.min_log_ratio = np.log(MIN_RATIO_SIGNED if signed else MIN_RATIO)
+        self.log_range = self._log_range()
+
+    def fit(self, count: int, starts: Iterable[Float] = ()) -> Projection:
+        """Best `count` Gaussians found from several starting places, and from `starts` (each of `count` variances).
+
+        Raises
+        ------
+        ValueError
+            If `count` is below 1.
+        """
+        from scipy.optimize import least_squares
+
+        if count < 1:
+            raise ValueError(f"gaussians: expected at least 1, got {count}")
+        # Unknowns are the first ln v and the gaps, so that the order and the least ratio are plain bounds
+        cumulate = np.tril(np.ones((count, count)))
+        lower = np.full(count, self.min_log_ratio)
+        lower[0] = self.log_range[0]
+        upper = np.full(count, np.inf)
+        upper[0] = self.log_range[1]
+        best: Projection | None = None
+        for start in (*starts, *self._starts(count)):
+            log_v = np.log(np.sort(start))
+            x = np.clip(np.diff(log_v, prepend=0.0), lower + 1e-6, upper - 1e-6)
+            found = least_squares(
+                lambda x: self._residual(cumulate @ x),
+                x,
+                jac=lambda x: self._jacobian(cumulate @ x) @ cumulate,
+                bounds=(lower, upper),
+                ftol=1e-9,
+                xtol=1e-8,
+                gtol=1e-10,
+                max_nfev=60,
+            )
+            candidate = self.project(np.exp(cumulate @ found.x))
+            if best is None or candidate.error @ candidate.error < best.error @ best.error:
+                best = candidate
+            if best.error.max() < 1e-9:
+                break
+        assert best is not None
+        return best
+
+    def project(self, variance_mm2: Float) -> Projection:
+        """Best weights for given variances."""
+        columns, _, weight = self._weights(np.log(variance_mm2))
+        error = np.linalg.norm(columns @ weight - self.wanted, axis=0)
+        return Projection(variance_mm2, weight * np.where(self.lit, self.norm, 0), np.where(self.lit, error, 0))
+
+    def _weights(self, log_v: Float) -> tuple[Float, Float, Float]:
+        value, slope = self.nodes.basis(np.exp(log_v))
+        columns = value * self.nodes.root_weight[:, None]
+        slope = slope * self.nodes.root_weight[:, None]
+        # The problem in as many rows as there are columns
+        q, r = np.linalg.qr(columns)
+        reduced = q.T @ self.wanted
+        weight = np.zeros(reduced.shape)
+        for c in np.flatnonzero(self.lit):
+            total = self.nodes.total[c] / self.norm[c] if self.exact_energy else None
+            weight[:, c] = best_weights(r, reduced[:, c], total, self.signed)
+        return columns, slope, weight
+
+    def _residual(self, log_v: Float) -> Float:
+        columns, _, weight = self._weights(log_v)
+        beyond = max(0.0, log_v[-1] - self.log_range[1])
+        return np.append((columns @ weight - self.wanted).T.ravel(), WALL * beyond)
+
+    def _jacobian(self, log_v: Float) -> Float:
+        """Derivative with the weights' own response projected out (Kaufman's form)."""
+        columns, slope, weight = self._weights(log_v)
+        blocks = []
+        for c in range(weight.shape[1]):
+            block = slope * weight[:, c]
+            free = weight[:, c] != 0
+            movable = columns[:, free]
+            if self.exact_energy and free.any():
+                movable = movable @ zero_sum_basis(int(free.sum()))
+            if movable.shape[1]:
+                q, _ = np.linalg.qr(movable)
+                block = block - q @ (q.T @ block)
+            blocks.append(block)
+        wall = np.zeros((1, len(log_v)))
+        wall[0, -1] = WALL * (log_v[-1] > self.log_range[1])
+        return np.concatenate([*blocks, wall])
+
+    def _log_range(self) -> tuple[float, float]:
+        return self._log_variance_at(SHARE_RANGE[0])[0], self._log_variance_at(SHARE_RANGE[1])[1]
+
+    def _log_variance_at(self, share: float) -> tuple[float, float]:
+        """ln v whose window holds `share` of the light, least and greatest over the lit channels."""
+        if not hasattr(self, "_window"):
+            log_v = np.linspace(np.log(1e-14), np.log(1e18), 1200)
+            shares = np.maximum.accumulate(self.nodes.window_share(np.exp(log_v)), axis=0)
+            self._window = log_v, shares / shares[-1].clip(1e-300)
+        log_v, shares = self._window
+        at = [np.interp(share, shares[:, c], log_v) for c in np.flatnonzero(self.lit)]
+        return float(min(at)), float(max(at))
+
+    def _starts(self, count: int) -> list[Float]:
+        starts = []
+        for low, high in STARTS if count > 1 else ((0.3, 0.3), (0.7, 0.7)):
+            first, last = self._log_variance_at(low)[0], self._log_variance_at(high)[1]
+            starts.append(np.exp(np.linspace(first, max(last, first + (count - 1) * self.min_log_ratio), count)))
+        return starts
