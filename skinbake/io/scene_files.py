@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from skinbake.io.image import read_environment, read_maps
+from skinbake.atlas import tiles_of
+from skinbake.io.image import read_environments, read_maps
 from skinbake.io.mesh import read_mesh
 from skinbake.pipeline import SceneData
 from skinbake.scene.spec import SceneSpec
@@ -23,6 +24,5 @@ def read_scene(spec: SceneSpec) -> SceneData:
         unwrap=spec.texture.unwrap,
         any_size=spec.mesh.any_size,
     )
-    paths = {light.name: getattr(light, "path", None) for light in spec.lights}
-    environments = {name: read_environment(path) for name, path in paths.items() if path is not None}
-    return SceneData(mesh, read_maps(spec.maps), environments)
+    maps = read_maps(spec.maps, tiles_of(mesh, spec.texture.udim))
+    return SceneData(mesh, maps, read_environments(spec.lights))

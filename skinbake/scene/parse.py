@@ -34,6 +34,8 @@ def parse(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str])
         faults = []
         for fault in error.errors(include_url=False):
             key = _key(mapping, fault["loc"], fault["type"])
+            if fault["type"].startswith("union_tag"):
+                key = (*key, fault["ctx"]["discriminator"].strip("'"))
             line = say(key, _sentence(fault))
             if line not in faults:
                 faults.append(line)
@@ -63,7 +65,7 @@ def _sentence(fault: Any) -> str:
     if kind == "missing":
         return "missing; expected a value"
     if kind == "union_tag_not_found":
-        return f"missing; expected a key {context.get('discriminator')}"
+        return "missing; expected a value"
     if kind == "union_tag_invalid":
         tags = context.get("expected_tags", "").replace("'", "")
         return f"expected one of {tags}, got {context.get('tag')}{_suggest(str(context.get('tag')), tags.split(', '))}"

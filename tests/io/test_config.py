@@ -70,15 +70,23 @@ def test_overrides_reach_into_lists_by_index_and_by_name(look):
         ("unit: mm", "unti: mm", "look.yaml:1: mesh.unti: unknown key; did you mean unit?"),
         ("unit: mm", "unit: yard", "look.yaml:1: mesh.unit: expected 'mm', 'cm', 'dm', 'm' or 'inch', got 'yard'"),
         ("[0, 0, -1]", "[0, 0, 0]", "look.yaml:7: lights[0].direction: expected a direction that is not zero"),
-        ("[1, 1, 1]}\n  - {name: rim", "[1, -1, 1]}\n  - {name: rim", "look.yaml:7: lights[0].irradiance[1]: expected a number >= 0, got -1"),
-        ("type: point", "type: sun", "look.yaml:8: lights[1]: expected one of directional, point"),
+        (
+            "[1, 1, 1]}\n  - {name: rim",
+            "[1, -1, 1]}\n  - {name: rim",
+            "look.yaml:7: lights[0].irradiance[1]: expected a number >= 0, got -1",
+        ),
+        ("type: point", "type: sun", "look.yaml:8: lights[1].type: expected one of directional, point"),
         ("name: rim", "name: key", "look.yaml:6: lights: expected light names that differ, got key more than once"),
         ("output: {dir: out}", "", "look.yaml:1: output: missing"),
         ("output:", "shadows: maybe\noutput:", "look.yaml:9: shadows: expected a boolean"),
-        ("[1, 1, 1]}\n  - {name: rim", "[1, .nan, 1]}\n  - {name: rim", "look.yaml:7: lights[0].irradiance[1]: expected a finite number"),
+        (
+            "[1, 1, 1]}\n  - {name: rim",
+            "[1, .nan, 1]}\n  - {name: rim",
+            "look.yaml:7: lights[0].irradiance[1]: expected a finite number",
+        ),
         ("unit: mm", "unit: mm, unit: cm", "look.yaml:1: mesh.unit: key stands twice"),
         ("unit: mm}", "unit: mm", "look.yaml:2: expected YAML"),
-        ("model: gaussians", "model: gausians", "look.yaml:3: skin"),
+        ("model: gaussians", "model: gausians", "look.yaml:3: skin.model: expected one of multipole"),
     ],
 )
 def test_a_fault_names_file_line_key_and_what_was_expected(look, before, after, message):

@@ -1,0 +1,55 @@
+"""`skinbake compare A B`: two images, or two bakes lobe by lobe."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from skinbake.cli.options import json_option
+
+
+@click.command("compare")
+@click.argument("image", type=click.Path())
+@click.argument("reference", type=click.Path())
+@click.option("--absolute", default=1e-6, show_default=True, help="Limit of a value, absolute part.")
+@click.option("--relative", default=1e-3, show_default=True, help="Limit of a value, part of the reference.")
+@click.option("--allowed", default=0.0, show_default=True, help="Share of the values that may pass their limit.")
+@click.option("--worst", default=1.0, show_default=True, help="No value may pass this many times its limit.")
+@click.option("--picture", type=click.Path(dir_okay=False), help="Write the difference in false colours to this PNG.")
+@json_option
+def command(
+    image: str,
+    reference: str,
+    absolute: float,
+    relative: float,
+    allowed: float,
+    worst: float,
+    picture: str | None,
+    as_json: bool,
+) -> int:
+    """Compare IMAGE with REFERENCE: two EXR or image files, or two bake folders.
+
+    Exit codes: 0 same, 1 differs, 2 could not compare.
+    """
+    from skinbake.compare import Tolerance, compare
+    from skinbake.io.pictures import false_colour_sheet, images_of
+
+    tolerance = Tolerance(absolute, relative, allowed, worst)
+    ours, theirs = images_of(Path(image)), images_of(Path(reference))
+    found = {name: compare(ours[name], theirs[name], tolerance) for name in ours if name in theirs}
+    missing = sorted(set(ours) ^ set(theirs))
+    if as_json:
+        print(json.dumps({"images": {n: asdict(d) for n, d in found.items()}, "missing": missing}, indent=1))
+    else:
+        for name, d in found.items():
+            print(f"{name:<40} rms {d.rms:.3e}  max {d.max_absolute:.3e} ({d.max_relative:.3%})  {d.why}")
+        for name in missing:
+            print(f"{name:<40} only in {image if name in ours else reference}")
+    if picture:
+        false_colour_sheet(
+            Path(picture), {n: (ours[n], theirs[n]) for n, d in found.items() if ours[n].shape == theirs[n].shape}
+        )
+    return 0 if found and not missing and all(d.same for d in found.values()) else 1

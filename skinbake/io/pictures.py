@@ -1,0 +1,67 @@
+"""Pictures for people: every image of a file or a bake by name, and differences in false colours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.errors import InputError
+from skinbake.io.atomic import atomic_write
+from skinbake.io.exr import read_parts
+from skinbake.io.image import read_map
+
+Image = NDArray[np.floating]
+
+
+def images_of(path: Path) -> dict[str, Image]:
+    """Every image of an EXR, another image file, or a bake folder, as (h, w, channels) by a name.
+
+    Raises
+    ------
+    InputError
+        There is nothing to compare.
+    """
+    if path.is_dir():
+        files = sorted(path.glob("*.exr"))
+        if not files:
+            raise InputError(f"{path}: expected a folder with EXR files, found none")
+        return {f"{file.name} {name}".strip(): image for file in files for name, image in images_of(file).items()}
+    if path.suffix.lower() == ".exr":
+        parts = read_parts(path).items()
+        return {
+            name: np.stack([p.channels[c] for c in sorted(p.channels)], axis=-1).astype(np.float32) for name, p in parts
+        }
+    return {"": read_map(path, 3, "linear")}
+
+
+def false_colour_sheet(path: Path, pairs: Mapping[str, tuple[Image, Image]]) -> None:
+    """Write a PNG: a row a pair, first image, second image, their difference relative to the brightest value."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(len(pairs), 3, figsize=(12, 4 * max(len(pairs), 1)), squeeze=False)
+    for row, (name, (image, reference)) in zip(axes, pairs.items(), strict=True):
+        top = max(float(np.nanmax(np.abs(reference), initial=0.0)), np.finfo(np.float32).tiny)
+        for axis, values, title in zip(row[:2], (image, reference), (name, "reference"), strict=True):
+            axis.imshow(np.clip(_rgb(values) / top, 0, 1) ** (1 / 2.2))
+            axis.set_title(title, fontsize=8)
+        shown = row[2].imshow(np.abs(image - reference).max(axis=-1) / top, cmap="magma", vmin=0)
+        row[2].set_title("difference / brightest value", fontsize=8)
+        figure.colorbar(shown, ax=row[2])
+    for axis in axes.ravel():
+        axis.set_axis_off()
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, dpi=110, bbox_inches="tight")
+    pyplot.close(figure)
+
+
+def _rgb(values: Image) -> Image:
+    """Show one channel as grey, channels sorted by name (A, B, G, R) as colour."""
+    if values.shape[-1] == 4:
+        return values[..., 3:0:-1]
+    return values[..., ::-1] if values.shape[-1] == 3 else np.repeat(values[..., :1], 3, axis=-1)

@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+
+from skinbake.compare import Tolerance, compare
+
+IMAGE = np.linspace(0, 1, 7 * 5 * 3).reshape(7, 5, 3)
+
+
+def test_an_image_is_the_same_as_itself():
+    """Equal arrays leave nothing over."""
+    found = compare(IMAGE, IMAGE, Tolerance(0, 0))
+    assert found.same
+    assert (found.rms, found.max_absolute, found.over) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("side", [0, 1, 2])
+def test_what_is_not_finite_never_passes(value, side):
+    """A NaN on either side fails, and on both sides too: two broken images do not agree."""
+    pair = [IMAGE.copy(), IMAGE.copy()]
+    for image in pair if side == 2 else [pair[side]]:
+        image[3, 2, 1] = value
+    found = compare(*pair, Tolerance(1e9, 1e9, 1.0, 1e9))
+    assert not found.same
+    assert found.worst_at == (3, 2, 1)
+
+
+def test_a_share_may_differ_a_little_and_none_by_much():
+    """`allowed` counts values, `worst` bounds each of them."""
+    image = IMAGE + 0.0
+    image[0, 0, 0] += 0.02
+    assert not compare(image, IMAGE, Tolerance(0.01, 0, allowed=0, worst=3)).same
+    assert compare(image, IMAGE, Tolerance(0.01, 0, allowed=0.01, worst=3)).same
+    image[0, 0, 0] += 0.02
+    assert not compare(image, IMAGE, Tolerance(0.01, 0, allowed=0.01, worst=3)).same
+
+
+def test_limits_grow_with_the_reference():
+    """A relative limit leaves bright values room and black ones none."""
+    assert compare(np.array([100.5, 0.0]), np.array([100.0, 0.0]), Tolerance(0, 0.01)).same
+    assert not compare(np.array([100.0, 0.5]), np.array([100.0, 0.0]), Tolerance(0, 0.01)).same
+
+
+def test_shapes_must_agree():
+    """No broadcasting: a row is not an image."""
+    assert "shape" in compare(IMAGE[:1], IMAGE, Tolerance()).why
