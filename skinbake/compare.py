@@ -14,7 +14,8 @@ from skinbake.numerics import Float
 class Tolerance:
     """A value's limit is `absolute + relative * |reference|`.
 
-    A share `allowed` of the values may pass it, none may pass `worst` times it. Relative alone fails near-black texels over nothing, absolute alone is wrong at one end of the range.
+    A share `allowed` of the values may pass it, none may pass `worst` times it. Relative alone fails near-black texels
+    over nothing, absolute alone is wrong at one end of the range.
     """
 
     absolute: float = 1e-6

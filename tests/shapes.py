@@ -45,7 +45,9 @@ def sphere(radius_mm=50.0, layout="latlong", segments=48, tiles=1) -> SkinMesh:
     else:
         raise ValueError(f"layout: expected latlong or cube, got {layout}")
     corners = directions[faces]
-    outside = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]) > 0
+    outside = (
+        np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]) > 0
+    )
     faces, uv = np.where(outside[:, None], faces, faces[:, ::-1]), np.where(outside[:, None, None], uv, uv[:, ::-1])
     if tiles == 2:
         uv = uv * [2.0, 1.0]
@@ -86,4 +88,17 @@ def _cube(n: int):
 def _grid_faces(columns: int, rows: int):
     i, j = (grid.ravel() for grid in np.meshgrid(np.arange(columns), np.arange(rows)))
     a = j * (columns + 1) + i
-    return np.concatenate([np.stack([a, a + 1, a + columns + 2], 1), np.stack([a, a + columns + 2, a + columns + 1], 1)])
+    return np.concatenate(
+        [np.stack([a, a + 1, a + columns + 2], 1), np.stack([a, a + columns + 2, a + columns + 1], 1)]
+    )
+
+
+def relief(size_mm=60.0, height_mm=18.0, sigma_mm=9.0, segments=48) -> SkinMesh:
+    """A bump on a square, like a nose on a cheek: it shadows itself, and its UVs (from above) stretch on the flanks."""
+    flat = quad(size_mm, size_mm, columns=segments, rows=segments)
+    x, y, _ = flat.positions_mm.T
+    z = height_mm * np.exp(-(x**2 + y**2) / (2 * sigma_mm**2))
+    slope = -z / sigma_mm**2
+    normal = np.stack([-slope * x, -slope * y, np.ones_like(z)], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return SkinMesh(np.stack([x, y, z], axis=1), flat.faces, flat.corner_uv, normal[flat.faces])
