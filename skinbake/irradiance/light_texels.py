@@ -1,0 +1,109 @@
+"""From an atlas and lights to irradiance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas
+from skinbake.irradiance.emitter import colour, emitter, unshadowed
+from skinbake.irradiance.irradiance_map import IrradianceMap
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.irradiance.shadow import visibility
+from skinbake.irradiance.surface import TexelSurface, texel_surface
+from skinbake.numerics import Float
+from skinbake.scene.lights import LightSpec
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import SpecularSpec
+
+Image = NDArray[np.float32]
+
+
+def light_texels(
+    atlas: Atlas,
+    mesh: SkinMesh,
+    maps: SkinMaps,
+    lights: Sequence[LightSpec],
+    shadows: bool = True,
+    specular: SpecularSpec | None = None,
+    energy_conservation: bool = False,
+    environments: Mapping[str, Image] | None = None,
+    seed: int = 0,
+) -> tuple[IrradianceMap, ...]:
+    """Irradiance of each light at each texel, one map a tile.
+
+    Each light's values depend on that light alone, not on which others are asked for, nor on the number of threads.
+
+    Parameters
+    ----------
+    maps : SkinMaps
+        Normal, roughness and specular maps; the albedo is not used: irradiance is light, not colour.
+    shadows : bool
+        For lights that do not say.
+    specular : SpecularSpec
+        The oil layer, used with `energy_conservation`.
+    energy_conservation : bool
+        Multiplies by rho_dt(N.L, m), the share that the oil layer lets through; THEORY (7.1).
+    environments : mapping of light name to ndarray of shape (h, w, 3)
+        Radiance maps of the environment lights that have a path.
+    seed : int
+        Of the samples of area and environment lights.
+    """
+    specular = specular or SpecularSpec()
+    occluder = Occluder(mesh)
+    # A copy: numba would compile once more for a read-only array
+    table = np.array(specular_albedo_table()) if energy_conservation else np.zeros((0, 0, 2))
+    maps_out = []
+    for raster in atlas:
+        surface = texel_surface(raster, mesh, maps, specular, occluder)
+        rgb = np.empty((len(lights), *raster.shape, 3), np.float32)
+        seen = np.empty((len(lights), *raster.shape), np.float32)
+        for i, light in enumerate(lights):
+            casts = shadows if light.shadows is None else light.shadows
+            _light_one(surface, occluder, light, casts, table, specular.f0, rgb[i], seen[i])
+        maps_out.append(IrradianceMap(raster.tile, tuple(light.name for light in lights), rgb, seen, raster.coverage))
+    return tuple(maps_out)
+
+
+def _light_one(
+    surface: TexelSurface,
+    occluder: Occluder,
+    light: LightSpec,
+    casts: bool,
+    table: Float,
+    f0: float,
+    rgb: Image,
+    seen: Image,
+) -> None:
+    """One light of one direction, written into `rgb` (H, W, 3) and `seen` (H, W)."""
+    source = emitter(light, occluder.centre_mm)
+    arriving, facing = np.empty(seen.shape, np.float32), np.empty(seen.shape, np.bool_)
+    unshadowed(
+        source,
+        surface.raster.face_index,
+        surface.point,
+        surface.normal,
+        surface.smooth_normal,
+        surface.roughness,
+        surface.strength,
+        table,
+        f0,
+        arriving,
+        facing,
+    )
+    seen[...] = visibility(surface, occluder, source, facing) if casts else facing
+    _colour(arriving, seen, colour(light), rgb)
+
+
+@njit(cache=True, parallel=True)
+def _colour(arriving: Image, seen: Image, light_rgb: Float, rgb: Image) -> None:
+    for row in prange(arriving.shape[0]):
+        for col in range(arriving.shape[1]):
+            value = np.float64(arriving[row, col]) * np.float64(seen[row, col])
+            for k in range(3):
+                rgb[row, col, k] = value * light_rgb[k]

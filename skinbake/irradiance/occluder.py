@@ -1,0 +1,77 @@
+"""Shadow rays: is anything of the mesh in the way?"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.numerics import Float
+from skinbake.scene.mesh import SkinMesh
+
+MIN_BATCH = 65536  # rays; below this a second thread costs more than it brings
+
+Vectors = NDArray[np.float32]
+
+
+class Occluder:
+    """The mesh in embree, millimetres about `centre_mm` so that float32 spends its digits on the head.
+
+    Attributes
+    ----------
+    centre_mm : ndarray of shape (3,)
+        All origins are given relative to it.
+    spacing_mm : float
+        Distance between neighbouring float32 coordinates at the outermost vertex.
+    """
+
+    def __init__(self, mesh: SkinMesh) -> None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        low, high = mesh.positions_mm.min(axis=0), mesh.positions_mm.max(axis=0)
+        self.centre_mm: Float = (low + high) / 2
+        positions = np.ascontiguousarray(mesh.positions_mm - self.centre_mm, dtype=np.float32)
+        self.spacing_mm = float(np.spacing(np.abs(positions).max()))
+        self._scene = EmbreeScene(robust=True)
+        self._triangles = TriangleMesh(self._scene, positions, np.ascontiguousarray(mesh.faces, dtype=np.int32))
+        nothing = np.zeros((1, 3), np.float32)
+        self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
+
+    def occluded(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Whether each ray meets the mesh nearer than `reach` (in lengths of `direction`).
+
+        Each ray is a question of its own: batches and threads cannot change an answer.
+        """
+        answer = np.empty(len(origin), dtype=np.bool_)
+
+        def ask(part: slice) -> None:
+            hit = self._scene.run(origin[part], direction[part], reach[part], query="OCCLUDED")
+            np.not_equal(hit, -1, out=answer[part])
+
+        self._spread(ask, len(origin))
+        return answer
+
+    def distance(self, origin: Vectors, direction: Vectors) -> NDArray[np.float32]:
+        """Distance to the first hit in lengths of `direction`, inf where there is none."""
+        answer = np.empty(len(origin), dtype=np.float32)
+
+        def ask(part: slice) -> None:
+            answer[part] = self._scene.run(origin[part], direction[part], query="DISTANCE")
+
+        self._spread(ask, len(origin))
+        answer[answer > 1e30] = np.inf
+        return answer
+
+    def _spread(self, ask, count: int) -> None:  # type: ignore[no-untyped-def]
+        """Embree runs without the interpreter's lock, so plain threads share the work."""
+        threads = min(numba.get_num_threads(), max(1, count // MIN_BATCH))
+        if threads == 1:
+            if count:
+                ask(slice(0, count))
+            return
+        bounds = np.linspace(0, count, 4 * threads + 1).astype(int)
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(lambda i: ask(slice(bounds[i], bounds[i + 1])), range(4 * threads)))

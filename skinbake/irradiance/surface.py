@@ -1,0 +1,135 @@
+"""What the lights meet at each texel: where it is, which way it faces, what its oil lets through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, sample_map
+from skinbake.irradiance.normal_map import mapped_normals
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.shadow_origin import place, place_inside_texels
+from skinbake.numerics import Float, safe_div
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import SpecularSpec
+
+Image = NDArray[np.float32]
+TEXEL_SHARE = 0.01  # of a texel, by which a ray starts above its facet
+SPACINGS = 16  # float32 spacings, the same
+WORTH_CHECKING = 0.05  # of a texel: a shorter way to the smooth surface cannot cross anything
+
+
+@dataclass(frozen=True)
+class TexelSurface:
+    """The texels of one tile, positions relative to the occluder's centre.
+
+    Attributes
+    ----------
+    raster : AtlasRaster
+    point : ndarray of shape (H, W, 3), float32
+        On the facet, a hair above it.
+    origin : ndarray of shape (H, W, 3), float32
+        Where shadow rays start: on the smooth surface.
+    normal, smooth_normal : ndarrays of shape (H, W, 3), float32
+        Unit, with and without the normal map; the same array where there is none.
+    roughness, strength : ndarrays of shape (H, W) or (1, 1), float32
+        Beckmann m, and rho_s times the specular map.
+    corners, normals, lift, per_texel : ndarrays by face
+        For points inside a texel, see `origins_inside`.
+    on_facet : ndarray of shape (H, W), bool
+        Where another surface bars the way to the smooth surface.
+    """
+
+    raster: AtlasRaster
+    point: Image
+    origin: Image
+    normal: Image
+    smooth_normal: Image
+    roughness: Image
+    strength: Image
+    corners: Float
+    normals: Float
+    lift: Float
+    per_texel: Float
+    on_facet: NDArray[np.bool_]
+
+    def origins_inside(self, texels: NDArray[np.int64], grid: int) -> Image:
+        """Origins of a grid of rays inside each texel (row * W + col), shape (n, grid * grid, 3)."""
+        return place_inside_texels(
+            texels,
+            grid,
+            self.raster.face_index,
+            self.raster.barycentric,
+            self.per_texel,
+            self.corners,
+            self.normals,
+            self.lift,
+            self.on_facet,
+        )
+
+
+def texel_surface(
+    raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps, specular: SpecularSpec, occluder: Occluder
+) -> TexelSurface:
+    """Gather it once a tile; every light uses it."""
+    height, width = raster.shape
+    corners = mesh.corner_position_mm - occluder.centre_mm
+    facing = mesh.face_normal
+    facing = facing * np.where(np.einsum("fi,fki->f", facing, mesh.corner_normal) < 0, -1.0, 1.0)[:, None]
+    texel_mm = face_mm_per_texel(mesh, (width, height)).min(axis=1)
+    step_mm = TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
+    lift = facing * step_mm[:, None]
+
+    point = np.zeros((height, width, 3), np.float32)
+    offset = np.zeros((height, width, 3), np.float32)
+    place(raster.face_index, raster.barycentric, corners, mesh.corner_normal, lift, point, offset)
+    on_facet = _barred(raster, point, offset, texel_mm, occluder)
+    offset[on_facet] = 0
+    np.add(point, offset, out=offset)
+
+    smooth = interpolate(raster, mesh.corner_normal)
+    length = np.sqrt(np.einsum("hwi,hwi->hw", smooth, smooth))[..., None]
+    np.divide(smooth, length, out=smooth, where=length > 0)
+    return TexelSurface(
+        raster,
+        point,
+        offset,
+        mapped_normals(raster, mesh, maps, smooth),
+        smooth,
+        _map_or_constant(raster, mesh, maps.roughness, specular.roughness),
+        np.float32(specular.strength) * _map_or_constant(raster, mesh, maps.specular, 1.0),
+        corners,
+        mesh.corner_normal,
+        lift,
+        _barycentrics_per_texel(mesh, width, height),
+        on_facet,
+    )
+
+
+def _barred(raster: AtlasRaster, point: Image, offset: Image, texel_mm: Float, occluder: Occluder) -> NDArray[np.bool_]:
+    """Where the way from the facet to the smooth surface meets another surface, as between closed lips."""
+    length = np.sqrt(np.einsum("hwi,hwi->hw", offset, offset))
+    threshold = (WORTH_CHECKING * texel_mm).astype(np.float32)[raster.face_index]
+    rows, cols = np.nonzero(raster.addressed & (length > threshold))
+    barred = np.zeros(raster.shape, np.bool_)
+    # `offset` is not scaled to length 1: a reach of 1 ends at the smooth surface
+    barred[rows, cols] = occluder.occluded(point[rows, cols], offset[rows, cols], np.ones(len(rows), np.float32))
+    return barred
+
+
+def _barycentrics_per_texel(mesh: SkinMesh, width: int, height: int) -> Float:
+    """Change of barycentrics 1 and 2 (last axis) with one column and one row (first), shape (F, 2, 2)."""
+    d1, d2 = mesh.corner_uv[:, 1] - mesh.corner_uv[:, 0], mesh.corner_uv[:, 2] - mesh.corner_uv[:, 0]
+    twice_area = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])[:, None]
+    with_u = safe_div(np.stack([d2[:, 1], -d1[:, 1]], axis=1), twice_area)
+    with_v = safe_div(np.stack([-d2[:, 0], d1[:, 0]], axis=1), twice_area)
+    return np.stack([with_u / width, -with_v / height], axis=1)
+
+
+def _map_or_constant(raster: AtlasRaster, mesh: SkinMesh, images: dict[int, Image], constant: float) -> Image:
+    if raster.tile not in images:
+        return np.full((1, 1), constant, np.float32)
+    return sample_map(raster, mesh, images, constant)
