@@ -1,4 +1,4 @@
-"""See that headless OpenGL works, and install Mesa's EGL where that is permitted: `python -m skinbake.preview.setup_gl`.
+"""See that headless OpenGL works and install Mesa's EGL where that is permitted: `python -m skinbake.preview.setup_gl`.
 
 Runs at set-up, before anything is baked, so that a missing system library shows up in the first minute.
 """
@@ -52,7 +52,9 @@ def main() -> int:
     commands = install_commands()
     root = os.geteuid() == 0 if hasattr(os, "geteuid") else False
     sudo = [] if root else ["sudo", "-n"]
-    permitted = root or (shutil.which("sudo") and subprocess.run(["sudo", "-n", "true"], capture_output=True).returncode == 0)
+    permitted = root or (
+        shutil.which("sudo") and subprocess.run(["sudo", "-n", "true"], capture_output=True).returncode == 0
+    )
     if name is None and commands and permitted:
         print("headless OpenGL is missing: installing Mesa's EGL", flush=True)
         for command in commands:

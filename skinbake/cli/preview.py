@@ -1,0 +1,172 @@
+"""`skinbake preview FOLDER`: a window, or pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from skinbake.cli.options import quiet_option
+from skinbake.errors import InputError
+
+if TYPE_CHECKING:
+    from skinbake.preview.shots import Shot
+
+
+@click.command("preview")
+@click.argument("folder", type=click.Path())
+@click.option("--out", type=click.Path(file_okay=False), help="Folder for pictures, named after their views.")
+@click.option("--png", type=click.Path(dir_okay=False), help="One picture, to this file.")
+@click.option("--exr", is_flag=True, help="Also write linear float EXRs beside the PNGs.")
+@click.option("--views", metavar="A,B", help="front, left, right, three-quarter, back, ear, nose, lips, eyes.")
+@click.option("--turntable", type=click.IntRange(1, 3600), metavar="N", help="N frames once around the head.")
+@click.option("--size", metavar="WxH", help="Size of a picture in pixels; one number is a square.")
+@click.option("--compare", is_flag=True, help="Without and with scattering, side by side.")
+@click.option(
+    "--mode", default="full", show_default=True, help="full, diffuse, specular, none (no scattering), lobe:I."
+)
+@click.option("--lights", metavar="NAME=GAIN,...", help="Gain of each light: key=1.5,rim=0.5 or key=1/0.9/0.8.")
+@click.option("--exposure", type=float, metavar="STOPS", help="Brightness of the PNGs.")
+@click.option("--supersample", type=click.IntRange(1, 8), default=2, show_default=True, help="N x N points a pixel.")
+@quiet_option
+def command(
+    folder: str,
+    out: str | None,
+    png: str | None,
+    exr: bool,
+    views: str | None,
+    turntable: int | None,
+    size: str | None,
+    compare: bool,
+    mode: str,
+    lights: str | None,
+    exposure: float | None,
+    supersample: int,
+    verbosity: int,
+) -> None:
+    """Show what a bake left in FOLDER: in a window, or as pictures.
+
+    Pictures come with --out, --png, --exr, --views, --turntable or --compare.
+    Without a display, writes FOLDER/preview.png.
+    """
+    from skinbake.preview.platform import has_display
+
+    gains = parse_lights(lights)
+    pixels = parse_size(size) if size else None
+    pictures = bool(out or png or exr or views or turntable or compare)
+    if png and (out or turntable or len(_names(views)) > 1):
+        raise InputError("--png: names one picture; give --out DIR for several")
+    if png and Path(png).suffix.lower() != ".png":
+        raise InputError(f"--png {png}: expected a name that ends in .png")
+    if not pictures and has_display():
+        from skinbake.io.bake_folder import read_bake_folder
+        from skinbake.preview.window import show
+
+        baked = read_bake_folder(folder)
+        show(baked.scene, baked.spec.preview, pixels, mode, gains, exposure)
+        return
+    render_still(
+        folder,
+        out=out,
+        png=png,
+        exr=exr,
+        views=_names(views),
+        turntable=turntable,
+        size=pixels,
+        compare=compare,
+        mode=mode,
+        gains=gains,
+        exposure=exposure,
+        supersample=supersample,
+        verbosity=verbosity,
+    )
+
+
+def render_still(
+    folder: Path | str,
+    out: Path | str | None = None,
+    png: Path | str | None = None,
+    exr: bool = False,
+    views: Sequence[str] = (),
+    turntable: int | None = None,
+    size: tuple[int, int] | None = None,
+    compare: bool = False,
+    mode: str = "full",
+    gains: dict[str, list[float]] | None = None,
+    exposure: float | None = None,
+    supersample: int = 2,
+    verbosity: int = 0,
+) -> list[Path]:
+    """Render pictures of a bake folder and give the paths of the PNGs; the defaults render FOLDER/preview.png."""
+    from skinbake.io.bake_folder import read_bake_folder
+    from skinbake.io.exr import Part, rgb_channels, write_parts
+    from skinbake.io.png import write_png
+    from skinbake.preview.draw import Studio
+    from skinbake.preview.mode import Mode, parse_mode
+    from skinbake.preview.shots import develop, plan_shots, side_by_side
+
+    baked = read_bake_folder(folder)
+    look, scene = baked.spec.preview, baked.scene
+    size = size or look.size
+    shown = parse_mode(mode, len(scene.lobes))
+    shots: list[Shot] = plan_shots(scene.mesh, views or [look.view], turntable, size[0] / size[1])
+    target = Path(out) if out else baked.path
+    written = []
+    with Studio(scene) as studio:
+        for shot in shots:
+            modes = [Mode("none"), shown] if compare else [shown]
+            frames = [studio.draw(shot.camera, size, m, gains, supersample) for m in modes]
+            image = side_by_side(frames)
+            name = "preview" if len(shots) == 1 else f"preview_{shot.name}"
+            path = Path(png) if png else target / f"{name}{'_compare' if compare else ''}.png"
+            write_png(path, develop(image, look.background_rgb, look.exposure if exposure is None else exposure))
+            if exr:
+                channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
+                write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
+            written.append(path)
+            if verbosity:
+                click.echo(str(path), err=True)
+    return written
+
+
+def _names(views: str | None) -> list[str]:
+    return [name.strip() for name in views.split(",") if name.strip()] if views else []
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """(width, height) of "800x1000" or "512".
+
+    Raises
+    ------
+    InputError
+        Anything else, or a side outside 1 ... 16384.
+    """
+    sides = text.lower().replace("×", "x").split("x")
+    if len(sides) in (1, 2) and all(side.strip().isdecimal() and 1 <= int(side) <= 16384 for side in sides):
+        return int(sides[0]), int(sides[-1])
+    raise InputError(f"--size: expected WIDTHxHEIGHT in pixels, each 1 to 16384, got {text}")
+
+
+def parse_lights(text: str | None) -> dict[str, list[float]]:
+    """Gains by light of "key=1.5,rim=1/0.9/0.8".
+
+    Raises
+    ------
+    InputError
+        Anything else. Whether the bake has such a light is seen when it is read.
+    """
+    gains: dict[str, list[float]] = {}
+    for item in (text or "").split(","):
+        name, equals, value = item.strip().partition("=")
+        if not item.strip():
+            continue
+        try:
+            numbers = [float(number) for number in value.split("/")]
+        except ValueError:
+            numbers = []
+        if not equals or not name or len(numbers) not in (1, 3):
+            raise InputError(f"--lights: expected NAME=GAIN or NAME=R/G/B, got {item.strip()}")
+        gains[name.strip()] = numbers * 3 if len(numbers) == 1 else numbers
+    return gains

@@ -1,0 +1,122 @@
+"""A bake folder as a PreviewScene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import FIRST_TILE
+from skinbake.errors import InputError
+from skinbake.io.exr import Part, read_parts
+from skinbake.io.image import read_maps
+from skinbake.io.irradiance import LIGHT, TOTAL
+from skinbake.io.manifest import NAME, read_manifest, spec_of
+from skinbake.io.mesh import read_mesh
+from skinbake.preview.scene import PreviewLobe, PreviewScene
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.spec import SceneSpec
+
+
+@dataclass(frozen=True)
+class BakeFolder:
+    """What a bake left: the look it was baked from, and everything the preview draws."""
+
+    path: Path
+    spec: SceneSpec
+    scene: PreviewScene
+
+
+def read_bake_folder(path: Path | str) -> BakeFolder:
+    """Read a bake folder, or the bake.json in it.
+
+    Textures keep the precision they were stored with.
+
+    Raises
+    ------
+    InputError
+        Something is missing or does not fit the manifest; the message says what, and that a new bake mends it.
+    """
+    folder = Path(path)
+    folder = folder.parent if folder.name == NAME else folder
+    if not folder.is_dir():
+        raise InputError(
+            f"{folder}: expected a bake folder, found none; `skinbake bake CONFIG --out {folder}` makes one"
+        )
+    manifest = read_manifest(folder)
+    spec = spec_of(manifest, folder)
+    names = tuple(manifest.get("lights", [light.name for light in spec.lights]))
+    if names != tuple(light.name for light in spec.lights):
+        raise InputError(f"{folder / NAME}: expected lights {[light.name for light in spec.lights]}, got {list(names)}")
+    separate = spec.output.lights == "separate"
+
+    irradiance, visibility = {}, {}
+    for tile, file in _tiled(manifest.get("irradiance", ["irradiance.exr"]), spec):
+        parts = read_parts(folder / file)
+        irradiance[tile] = _layers(folder / file, parts, names if separate else None)
+        visibility[tile] = np.stack([_channel(folder / file, parts, LIGHT + name, "visibility") for name in names])
+
+    mesh = read_mesh(
+        spec.mesh.path,
+        spec.mesh.millimetres_per_unit,
+        flip_v=spec.mesh.flip_v,
+        unwrap=spec.texture.unwrap,
+        any_size=spec.mesh.any_size,
+    )
+    lobes = tuple(_lobe(folder, entry, spec, names if separate else None) for entry in manifest["lobes"])
+    try:
+        scene = PreviewScene(
+            mesh,
+            spec.lights,
+            lobes,
+            irradiance,
+            visibility,
+            _compact(read_maps(spec.maps, tuple(irradiance))),
+            spec.texturing,
+            spec.specular,
+            bool(manifest.get("terms", {}).get("energy_conservation", False)),
+            separate,
+        )
+    except ValueError as error:
+        raise InputError(f"{folder}: {error}; bake it again") from error
+    return BakeFolder(folder, spec, scene)
+
+
+def _lobe(folder: Path, entry: dict[str, Any], spec: SceneSpec, names: tuple[str, ...] | None) -> PreviewLobe:
+    files = list(entry["tiles"].values()) if "tiles" in entry else [entry["file"]]
+    rgb = {tile: _layers(folder / file, read_parts(folder / file), names) for tile, file in _tiled(files, spec)}
+    variance = None if entry.get("method") == "transmission" else float(entry["variance_mm2"])
+    r, g, b = (float(weight) for weight in entry["weight_rgb"])
+    return PreviewLobe(rgb, (r, g, b), variance)
+
+
+def _tiled(files: list[str], spec: SceneSpec) -> list[tuple[int, str]]:
+    """Files by their tile, which the name holds when there are tiles (`lobe_0.1002.exr`)."""
+    if not spec.texture.udim:
+        return [(FIRST_TILE, files[0])]
+    return [(int(Path(file).stem.rpartition(".")[2]), file) for file in files]
+
+
+def _layers(path: Path, parts: dict[str, Part], names: tuple[str, ...] | None) -> NDArray[np.floating]:
+    """(L, h, w, 3) of each light, or one layer of the total."""
+    wanted = [TOTAL] if names is None else [LIGHT + name for name in names]
+    layers = [[_channel(path, parts, part, c) for c in "RGB"] for part in wanted]
+    return np.stack([np.stack(channels, axis=-1) for channels in layers])
+
+
+def _channel(path: Path, parts: dict[str, Part], part: str, channel: str) -> NDArray[np.floating]:
+    if part not in parts or channel not in parts[part].channels:
+        raise InputError(f"{path}: expected part {part} with channel {channel}, found none; bake it again")
+    return parts[part].channels[channel]
+
+
+def _compact(maps: SkinMaps) -> SkinMaps:
+    """Maps as half floats, which hold 8-bit maps well and halve what the graphics card reads."""
+    halves: dict[str, Any] = {
+        name: {tile: np.asarray(image, np.float16) for tile, image in getattr(maps, name).items()}
+        for name in ("albedo", "normal", "roughness", "specular")
+    }
+    return replace(maps, **halves)

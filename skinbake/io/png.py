@@ -1,0 +1,41 @@
+"""8-bit PNG files, whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.errors import InputError
+from skinbake.io.atomic import atomic_write
+
+
+def write_png(path: Path | str, rgb: NDArray[np.uint8]) -> None:
+    """Write sRGB-encoded pixels; the same pixels give the same bytes.
+
+    Parameters
+    ----------
+    path : ends in .png
+    rgb : ndarray of shape (H, W, 3), uint8
+
+    Raises
+    ------
+    InputError
+        The name ends in something else, or the folder cannot be written to.
+    """
+    import OpenImageIO as oiio  # noqa: TID251  (io.image reads through it; pictures are written here)
+
+    if Path(path).suffix.lower() != ".png":
+        raise InputError(f"{path}: expected a name that ends in .png")
+    if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
+        raise ValueError(f"rgb: expected uint8 of shape (H, W, 3), got {rgb.dtype} of {rgb.shape}")
+    spec = oiio.ImageSpec(rgb.shape[1], rgb.shape[0], 3, "uint8")
+    spec.attribute("oiio:ColorSpace", "sRGB")
+    with atomic_write(path) as temporary:
+        output = oiio.ImageOutput.create(str(temporary))
+        if output is None or not output.open(str(temporary), spec):
+            raise OSError(f"PNG: {oiio.geterror()}")
+        written = output.write_image(np.ascontiguousarray(rgb))
+        if not (output.close() and written):
+            raise OSError(f"PNG: {output.geterror()}")

@@ -1,0 +1,140 @@
+"""Where a portrait photographer would stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skinbake.errors import InputError
+from skinbake.numerics import Float, normalized
+from skinbake.scene.mesh import SkinMesh
+
+PORTRAIT_YFOV_DEG = float(np.degrees(2 * np.arctan(18 / 85)))  # 85 mm lens on 36 mm tall film
+HEAD_DIAGONAL_MM = 350.0
+
+# Azimuth towards the head's own left, elevation, in degrees; +z is where the face looks, +y up
+ANGLES = {
+    "front": (0.0, 0.0),
+    "left": (90.0, 0.0),
+    "right": (-90.0, 0.0),
+    "three-quarter": (32.0, 4.0),
+    "back": (180.0, 0.0),
+}
+# Landmark, its offset and the height of the frame in mm of an adult head, azimuth, elevation
+CLOSE_UPS: dict[str, tuple[str, tuple[float, float, float], float, float, float]] = {
+    "nose": ("nose", (0.0, 12.0, -12.0), 95.0, 24.0, 2.0),
+    "lips": ("nose", (0.0, -36.0, -14.0), 80.0, 14.0, 0.0),
+    "eyes": ("nose", (0.0, 38.0, -24.0), 105.0, 10.0, 2.0),
+    "ear": ("ear", (0.0, 0.0, 0.0), 115.0, 78.0, 2.0),
+}
+VIEWS = (*ANGLES, *CLOSE_UPS)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera on an orbit about `target_mm`; y is up.
+
+    Attributes
+    ----------
+    target_mm : ndarray of shape (3,)
+    distance_mm, azimuth_deg, elevation_deg : float
+        Azimuth 0 looks at the face, 90 at the head's left side.
+    yfov_deg : float
+        Vertical field of view.
+    """
+
+    target_mm: Float
+    distance_mm: float
+    azimuth_deg: float = 0.0
+    elevation_deg: float = 0.0
+    yfov_deg: float = PORTRAIT_YFOV_DEG
+
+    @property
+    def backward(self) -> Float:
+        """Unit vector from the target to the camera."""
+        a, e = np.radians([self.azimuth_deg, self.elevation_deg])
+        return np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
+
+    @property
+    def position_mm(self) -> Float:
+        """Where the camera stands."""
+        return self.target_mm + self.distance_mm * self.backward
+
+    @property
+    def pose(self) -> Float:
+        """Camera to world, shape (4, 4), looking along -z."""
+        back = self.backward
+        right = normalized(np.cross([0.0, 1.0, 0.0], back))
+        pose = np.eye(4)
+        pose[:3, :3] = np.stack([right, np.cross(back, right), back], axis=1)
+        pose[:3, 3] = self.position_mm
+        return pose
+
+    def turned(self, azimuth_deg: float, elevation_deg: float = 0.0) -> Camera:
+        """Further along the orbit; never over the poles."""
+        elevation = float(np.clip(self.elevation_deg + elevation_deg, -89, 89))
+        return replace(self, azimuth_deg=(self.azimuth_deg + azimuth_deg) % 360, elevation_deg=elevation)
+
+    def zoomed(self, factor: float) -> Camera:
+        """Distance multiplied by `factor`."""
+        return replace(self, distance_mm=float(np.clip(self.distance_mm * factor, 1.0, 1e6)))
+
+    def panned(self, right: float, up: float) -> Camera:
+        """Target moved by shares of the frame's height."""
+        height = 2 * self.distance_mm * np.tan(np.radians(self.yfov_deg) / 2)
+        axes = self.pose[:3, :3]
+        return replace(self, target_mm=self.target_mm + height * (right * axes[:, 0] + up * axes[:, 1]))
+
+
+def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
+    """A named view of a mesh.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    name : one of VIEWS
+        Whole-head views fit every vertex; close-ups stand before a landmark: the foremost point for nose, lips and
+        eyes, the outermost one on the head's left for the ear.
+    aspect : float
+        Width / height of the frame.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    """
+    if name not in VIEWS:
+        raise InputError(f"view: expected {', '.join(VIEWS)}, got {name}")
+    positions = mesh.positions_mm[np.unique(mesh.faces)]
+    low, high = positions.min(0), positions.max(0)
+    if name in ANGLES:
+        return _fitted(positions, Camera((low + high) / 2, 1.0, *ANGLES[name]), aspect)
+
+    landmark, offset, frame_mm, azimuth, elevation = CLOSE_UPS[name]
+    diagonal = float(np.linalg.norm(high - low))
+    scale = 1.0 if 150 < diagonal < 800 else max(diagonal, 1e-6) / HEAD_DIAGONAL_MM
+    if landmark == "nose":
+        point = positions[positions[:, 2].argmax()]
+    else:
+        # Shoulders may stand out further than ears: look in the upper half only
+        upper = positions[positions[:, 1] > (low[1] + high[1]) / 2]
+        point = upper[upper[:, 0].argmax()]
+    target = point + scale * np.array(offset)
+    distance = scale * frame_mm / min(aspect, 1.0) / 2 / np.tan(np.radians(PORTRAIT_YFOV_DEG) / 2)
+    return Camera(target, distance, azimuth, elevation)
+
+
+def _fitted(positions: Float, camera: Camera, aspect: float, margin: float = 1.08) -> Camera:
+    """The nearest distance from which every point is in the frame, centred on what is seen."""
+    axes = camera.pose[:3, :3]
+    seen = (positions - camera.target_mm) @ axes  # right, up, towards the camera
+    centre = (seen.min(0) + seen.max(0)) / 2
+    seen[:, :2] -= centre[:2]
+    slope = np.tan(np.radians(camera.yfov_deg) / 2) / margin
+    reach = np.maximum(np.abs(seen[:, 1]), np.abs(seen[:, 0]) / aspect) / slope
+    distance = float((reach + seen[:, 2]).max())
+    size = float(np.ptp(positions, axis=0).max())
+    return replace(
+        camera, target_mm=camera.target_mm + axes[:, :2] @ centre[:2], distance_mm=max(distance, size * 1e-3, 1e-3)
+    )

@@ -1,0 +1,172 @@
+"""Pictures of a PreviewScene without a window."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.preview.camera import Camera
+from skinbake.preview.lamp import Gains, gains_rgb
+from skinbake.preview.mode import Mode
+from skinbake.preview.platform import headless_context
+from skinbake.preview.scene import PreviewScene
+
+Plane = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class GeometryBuffer:
+    """What each pixel shows, from the same raster pass as the picture; zero where it shows nothing.
+
+    Attributes
+    ----------
+    position_mm, normal : ndarray of shape (H, W, 3)
+        Interpolated, the normal before any normal map and not unit.
+    tangent : ndarray of shape (H, W, 4)
+        w is the bitangent's sign.
+    uv : ndarray of shape (H, W, 2)
+        Within the tile, v up.
+    tile : ndarray of shape (H, W), int32
+        UDIM number, 0 where nothing is shown.
+    """
+
+    position_mm: Plane
+    normal: Plane
+    tangent: Plane
+    uv: Plane
+    tile: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class PreviewImage:
+    """One frame.
+
+    Attributes
+    ----------
+    rgba : ndarray of shape (H, W, 4), float32
+        Linear radiance, premultiplied by alpha, which is the share of the pixel that skin covers; row 0 at the top.
+    geometry : GeometryBuffer or None
+    """
+
+    rgba: Plane
+    geometry: GeometryBuffer | None = None
+
+    def over(self, background_rgb: tuple[float, float, float]) -> Plane:
+        """The picture before a background, (H, W, 3), linear."""
+        return self.rgba[..., :3] + (1 - self.rgba[..., 3:]) * np.asarray(background_rgb, np.float32)
+
+
+class Studio:
+    """A scene on the graphics card, for any number of pictures; a context manager."""
+
+    def __init__(self, scene: PreviewScene) -> None:
+        self.scene = scene
+        self._platform = headless_context()
+        from skinbake.preview.renderer import SkinRenderer  # PyOpenGL: only after the platform is chosen
+
+        self._renderer = SkinRenderer(scene)
+
+    def draw(
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        mode: Mode | None = None,
+        light_gains: Gains | None = None,
+        supersample: int = 2,
+        geometry: bool = False,
+    ) -> PreviewImage:
+        """Draw one picture.
+
+        Parameters
+        ----------
+        camera : Camera
+        size : tuple of 2 ints
+            (width, height).
+        mode : Mode
+        light_gains : mapping of light name to float or RGB
+            Factor on that light's diffuse and specular part.
+        supersample : int
+            Each pixel is the mean of supersample^2 points on a grid: the same on every driver, unlike multisampling,
+            and it smooths the specular of pores as well as edges.
+        geometry : bool
+            Also give the geometry buffer; needs supersample = 1.
+
+        Raises
+        ------
+        InputError
+            A gain for a light that the scene does not have.
+        """
+        if geometry and supersample != 1:
+            raise ValueError(f"geometry: expected supersample 1, got {supersample}")
+        from skinbake.preview.renderer import GBUFFER_ATTACHMENTS
+        from skinbake.preview.target import FloatTarget
+
+        renderer, (width, height) = self._renderer, size
+        self._platform.make_current()
+        renderer.mode = mode or Mode()
+        renderer.gains_rgb = gains_rgb(self.scene.lights, light_gains)
+        renderer.gbuffer = geometry
+        want = (width * supersample, height * supersample, GBUFFER_ATTACHMENTS if geometry else 1)
+        target = renderer.target
+        if target is None or (target.width, target.height, target.attachments) != want:
+            if target is not None:
+                target.delete()
+            renderer.target = target = FloatTarget(*want)
+        renderer.draw(camera)
+        rgba = _box(target.read(), supersample)
+        return PreviewImage(rgba, _geometry([target.read(i) for i in range(1, want[2])]) if geometry else None)
+
+    @property
+    def device(self) -> str:
+        """Name of the OpenGL renderer."""
+        from OpenGL import GL
+
+        return str(GL.glGetString(GL.GL_RENDERER).decode())
+
+    def close(self) -> None:
+        """Free the graphics card."""
+        self._renderer.delete()
+        self._platform.delete_context()
+
+    def __enter__(self) -> Studio:
+        return self
+
+    def __exit__(self, kind: type | None, value: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def draw(
+    scene: PreviewScene,
+    camera: Camera,
+    size: tuple[int, int],
+    mode: Mode | None = None,
+    light_gains: Gains | None = None,
+    supersample: int = 2,
+    geometry: bool = False,
+) -> PreviewImage:
+    """One picture of `scene`; see `Studio.draw`. For several, keep a Studio: the textures are then sent once."""
+    with Studio(scene) as studio:
+        return studio.draw(camera, size, mode, light_gains, supersample, geometry)
+
+
+def _box(rgba: Plane, n: int) -> Plane:
+    """Mean of n x n points, a row of points at a time so that the sum's order is fixed."""
+    if n == 1:
+        return rgba
+    height, width = rgba.shape[0] // n, rgba.shape[1] // n
+    split = rgba.reshape(height, n, width, n, 4)
+    total = np.zeros((height, width, 4))
+    for i in range(n):
+        for j in range(n):
+            total += split[:, i, :, j]
+    return (total / n**2).astype(np.float32)
+
+
+def _geometry(planes: list[Plane]) -> GeometryBuffer:
+    position, normal, tangent, uv = planes
+    return GeometryBuffer(
+        position[..., :3], normal[..., :3], tangent, uv[..., :2], np.rint(position[..., 3]).astype(np.int32)
+    )

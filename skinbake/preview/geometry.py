@@ -1,0 +1,70 @@
+"""Vertex buffers: a SkinMesh, split where its UVs or normals split, one set a UDIM tile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import FIRST_TILE, signed_uv_area, tile_origin
+from skinbake.irradiance.normal_map import corner_tangents
+from skinbake.scene.mesh import SkinMesh
+
+
+@dataclass(frozen=True)
+class VertexBuffers:
+    """What the graphics card gets for one tile; `uv` is within the tile, `tangent` has the bitangent's sign in w."""
+
+    position_mm: NDArray[np.float32]  # (N, 3)
+    normal: NDArray[np.float32]  # (N, 3)
+    tangent: NDArray[np.float32]  # (N, 4)
+    uv: NDArray[np.float32]  # (N, 2)
+    faces: NDArray[np.int32]  # (F, 3)
+
+
+def vertex_buffers(mesh: SkinMesh, tiles: tuple[int, ...]) -> dict[int, VertexBuffers]:
+    """Buffers of every tile that has faces.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    tiles : tuple of int
+        Tiles with textures. A single 1001 takes every face, its UVs as they are.
+    """
+    if tiles == (FIRST_TILE,):
+        tile_of_face = np.full(len(mesh.faces), FIRST_TILE)
+    else:
+        cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(int)
+        tile_of_face = FIRST_TILE + cell[:, 0] + 10 * cell[:, 1]
+    whole = mesh.face_area_mm2 > 0
+    found = {tile: np.flatnonzero((tile_of_face == tile) & whole) for tile in tiles}
+    return {tile: _buffers(mesh, faces, tile) for tile, faces in found.items() if len(faces)}
+
+
+def _buffers(mesh: SkinMesh, faces: NDArray[np.intp], tile: int) -> VertexBuffers:
+    uv = mesh.corner_uv[faces] - tile_origin(tile)
+    side = np.where(signed_uv_area(mesh)[faces] < 0, -1.0, 1.0)
+
+    # One vertex for every different (position, uv, normal, handedness) at a corner
+    corners = np.concatenate(
+        [
+            mesh.faces[faces].reshape(-1, 1),
+            uv.reshape(-1, 2),
+            mesh.corner_normal[faces].reshape(-1, 3),
+            np.repeat(side, 3)[:, None],
+        ],
+        axis=1,
+    )
+    rows = np.ascontiguousarray(corners + 0.0).view([("", np.float64)] * corners.shape[1]).ravel()  # + 0.0: -0 is 0
+    _, first, vertex = np.unique(rows, return_index=True, return_inverse=True)
+
+    corner = corners[first]
+    tangent = corner_tangents(mesh)[faces].reshape(-1, 3)[first]
+    return VertexBuffers(
+        mesh.positions_mm[corner[:, 0].astype(int)].astype(np.float32),
+        corner[:, 3:6].astype(np.float32),
+        np.concatenate([tangent, corner[:, 6:]], axis=1).astype(np.float32),
+        corner[:, 1:3].astype(np.float32),
+        vertex.reshape(-1, 3).astype(np.int32),
+    )

@@ -1,0 +1,86 @@
+"""Choose how OpenGL is reached, before pyrender (and with it PyOpenGL) is imported for the first time."""
+
+# ruff: noqa: TID251  (pyrender: this is the module that chooses for it)
+
+from __future__ import annotations
+
+import ctypes.util
+import os
+import sys
+from typing import Any
+
+from skinbake.errors import MachineError
+
+_ADVICE = (
+    "install Mesa's EGL (Debian and Ubuntu: apt install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri; "
+    "Fedora: dnf install mesa-libEGL mesa-dri-drivers) or OSMesa (libosmesa6), "
+    "or run `python -m skinbake.preview.setup_gl`"
+)
+
+
+def has_display() -> bool:
+    """Whether a window could be opened."""
+    return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY"))
+
+
+def choose_headless() -> str:
+    """Set PYOPENGL_PLATFORM to `egl`, else to `osmesa`; a platform already chosen by the user stays.
+
+    Raises
+    ------
+    MachineError
+        Neither library is there.
+    """
+    if not sys.platform.startswith("linux"):
+        return "pyglet"  # a hidden window: neither library exists there
+    chosen = os.environ.get("PYOPENGL_PLATFORM")
+    if chosen is None:
+        found = [name for name, library in (("egl", "EGL"), ("osmesa", "OSMesa")) if ctypes.util.find_library(library)]
+        if not found:
+            raise MachineError(f"OpenGL without a display needs EGL or OSMesa, and neither is installed: {_ADVICE}")
+        chosen = os.environ["PYOPENGL_PLATFORM"] = found[0]
+    return chosen
+
+
+def headless_context() -> Any:
+    """A current OpenGL context without a window, as pyrender's platform object.
+
+    Every EGL device is tried in the driver's order, which puts graphics cards before Mesa's software rasteriser;
+    EGL_DEVICE_ID picks one.
+
+    Raises
+    ------
+    MachineError
+        No device gives a context.
+    """
+    chosen = choose_headless()
+    faults = []
+    try:
+        for make in _candidates(chosen):
+            platform = make()
+            try:
+                platform.init_context()
+                platform.make_current()
+                return platform
+            except Exception as error:  # PyOpenGL, ctypes and asserts in pyrender: the next device may still work
+                faults.append(f"{type(error).__name__} {error}".strip().splitlines()[0])
+    except Exception as error:  # the library is there but cannot be loaded
+        faults.append(f"{type(error).__name__} {error}".strip().splitlines()[0])
+    raise MachineError(f"no OpenGL context through {chosen} ({'; '.join(faults) or 'no device'}): {_ADVICE}")
+
+
+def _candidates(chosen: str) -> list[Any]:
+    if chosen == "egl":
+        from pyrender.platforms import egl
+
+        devices = egl.query_devices() or [egl.EGLDevice(None)]
+        if "EGL_DEVICE_ID" in os.environ:
+            devices = devices[int(os.environ["EGL_DEVICE_ID"]) :][:1]
+        return [lambda device=device: egl.EGLPlatform(4, 4, device=device) for device in devices]
+    if chosen == "osmesa":
+        from pyrender.platforms.osmesa import OSMesaPlatform
+
+        return [lambda: OSMesaPlatform(4, 4)]
+    from pyrender.platforms.pyglet_platform import PygletPlatform
+
+    return [lambda: PygletPlatform(4, 4)]

@@ -1,0 +1,224 @@
+"""pyrender's renderer with our shader, our textures and a float frame buffer.
+
+pyrender keeps what it does well: contexts, scene graph, cameras, vertex buffers, shader programs, the forward pass.
+Replaced by overriding are the three places where it would lose the light: float textures (it makes 8 bit of them), the
+frame buffer (8 bit), and the shader.
+"""
+
+# ruff: noqa: TID251  (pyrender: preview.draw imports this module once the platform is chosen)
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyrender
+from OpenGL import GL
+from pyrender.constants import RenderFlags
+from pyrender.renderer import Renderer
+from pyrender.shader_program import ShaderProgramCache
+
+from skinbake.errors import MachineError
+from skinbake.numerics import Float
+from skinbake.preview.camera import Camera
+from skinbake.preview.geometry import vertex_buffers
+from skinbake.preview.lamp import ENVIRONMENT, lamps
+from skinbake.preview.mode import Mode
+from skinbake.preview.scene import PreviewScene
+from skinbake.preview.target import FloatTarget
+from skinbake.preview.textures import TileTextures, upload_oil_albedo
+
+SHADERS = Path(__file__).parent / "shaders"
+GBUFFER_ATTACHMENTS = 5
+
+
+class SkinRenderer(Renderer):
+    """Draws one PreviewScene; needs a current OpenGL context for all its life.
+
+    Attributes
+    ----------
+    mode : Mode
+    gains_rgb : ndarray of shape (L, 3)
+        Factor on each light.
+    gbuffer : bool
+        Write position, normal, tangent and UV beside the picture.
+    target : FloatTarget
+        Where frames go; set before the first frame.
+    """
+
+    def __init__(self, scene: PreviewScene) -> None:
+        super().__init__(1, 1)
+        self.skin = scene
+        self.mode = Mode()
+        self.gains_rgb = np.ones((len(scene.lights), 3))
+        self.gbuffer = False
+        self.target: FloatTarget | None = None
+        self._lamps = lamps(scene.lights)
+        self._oil_albedo = upload_oil_albedo()
+        self._locations: dict[tuple[int, str], int] = {}
+        self._textures: dict[int, TileTextures] = {}
+        self._tile_of: dict[Any, int] = {}
+        self._check_units()
+        self.graph = self._scene_graph()
+        # Ours and pyrender's own (text) programs from one cache: joining an absolute path leaves it as it is
+        self._program_cache = ShaderProgramCache()
+
+    def _check_units(self) -> None:
+        needed, units = len(self.skin.lobes) + 7, int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_IMAGE_UNITS))
+        if needed > units:
+            raise MachineError(
+                f"{len(self.skin.lobes)} lobes need {needed} texture units, this OpenGL has {units}; "
+                "fit fewer Gaussians"
+            )
+
+    def _scene_graph(self) -> pyrender.Scene:
+        graph = pyrender.Scene(bg_color=np.zeros(4), ambient_light=np.zeros(3))
+        for tile, buffers in vertex_buffers(self.skin.mesh, self.skin.tiles).items():
+            primitive = pyrender.Primitive(
+                buffers.position_mm, buffers.normal, buffers.tangent, buffers.uv, indices=buffers.faces
+            )
+            graph.add(pyrender.Mesh([primitive]))
+            self._tile_of[primitive] = tile
+            self._textures[tile] = TileTextures(self.skin, tile, self._oil_albedo)
+        self._camera = pyrender.PerspectiveCamera(yfov=1.0, znear=1.0, zfar=2.0)
+        self._camera_node = graph.add(self._camera)
+        graph.main_camera_node = self._camera_node
+        low, high = self.skin.mesh.positions_mm.min(0), self.skin.mesh.positions_mm.max(0)
+        self._centre, self._radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+        return graph
+
+    def draw(self, camera: Camera) -> None:
+        """Draw one frame into `target`, unresolved."""
+        away = float((camera.position_mm - self._centre) @ camera.backward)
+        far = max(away + self._radius, 1e-3) * 1.01
+        self._camera.zfar = far
+        self._camera.znear = max((away - self._radius) * 0.99, far * 1e-3)
+        self._camera.yfov = float(np.radians(camera.yfov_deg))
+        self.graph.set_pose(self._camera_node, camera.pose)
+        assert self.target is not None
+        self.viewport_width, self.viewport_height = self.target.width, self.target.height
+        self.render(self.graph, RenderFlags.OFFSCREEN)
+
+    # What follows overrides pyrender's own steps; the names are its names.
+
+    def _configure_forward_pass_viewport(self, flags: int) -> None:
+        if flags & RenderFlags.OFFSCREEN:
+            assert self.target is not None
+            self.target.bind()
+            GL.glViewport(0, 0, self.target.width, self.target.height)
+        else:
+            GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, 0)
+            GL.glViewport(0, 0, self.viewport_width, self.viewport_height)
+        GL.glEnable(GL.GL_DEPTH_TEST)
+        GL.glDepthMask(GL.GL_TRUE)
+        GL.glDepthFunc(GL.GL_LESS)
+
+    def _read_main_framebuffer(self, scene: Any, flags: int) -> None:
+        return None  # the target is read as floats, by whoever needs it
+
+    def _get_primitive_program(self, primitive: Any, flags: int, program_flags: int) -> Any:
+        program = self._program_cache.get_program(
+            vertex_shader=str(SHADERS / "skin.vert"),
+            fragment_shader=str(SHADERS / "skin.frag"),
+            defines=self._defines(self._tile_of[primitive]),
+        )
+        if not program._in_context():
+            program._add_to_context()
+        return program
+
+    def _defines(self, tile: int) -> dict[str, str]:
+        lobes = range(len(self.skin.lobes))
+        shown = [self.mode.lobe] if self.mode.name == "lobe" else lobes
+        terms = [f"lobe_weight[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
+        conserving = self.skin.energy_conservation and self.mode.name != "lobe"
+        mirrored = any(lamp.kind == ENVIRONMENT for lamp in self._lamps) and self.mode.specular
+        after = self.skin.texturing.exponent_before < 1 and self.mode.name in ("full", "diffuse")
+        switches = {
+            "GBUFFER": self.gbuffer,
+            "HAS_NORMAL_MAP": self._textures[tile].has_normal_map,
+            "OBJECT_SPACE": self.skin.maps.normal_space == "object",
+            "SHOW_DIFFUSE": self.mode.diffuse,
+            "SHOW_SPECULAR": self.mode.specular,
+            "UNSCATTERED": self.mode.name == "none",
+            "ALBEDO_AFTER": after,
+            "ENERGY_CONSERVATION": conserving,
+            "HAS_ENVIRONMENT": mirrored,
+            "NEEDS_OIL_ALBEDO": conserving or mirrored,
+        }
+        return {
+            "DECLARE_LOBES": "".join(f"uniform sampler2DArray lobe_{i};\n" for i in lobes),
+            "SUM_OF_LOBES": " + ".join(terms),
+            "N_LOBES": str(len(self.skin.lobes)),
+            "N_LAYERS": str(len(self.skin.lights) if self.skin.separate else 1),
+            "N_LIGHTS": str(len(self._lamps)),
+            "TILE_NUMBER": f"{tile}.0",
+        } | {name: "1" for name, on in switches.items() if on}
+
+    def _bind_lighting(self, scene: Any, program: Any, node: Any, flags: int) -> None:
+        skin, mode, gains = self.skin, self.mode, self.gains_rgb
+        one_lobe = mode.name == "lobe"
+        weights = np.array([(1.0, 1.0, 1.0) if one_lobe else lobe.weight_rgb for lobe in skin.lobes])
+        lights = np.array([lamp.light for lamp in self._lamps], np.int32)
+        colors = np.array([lamp.color_rgb for lamp in self._lamps]) * gains[lights]
+        self._set(program, "lobe_weight", weights)
+        self._set(program, "layer_gain", gains if skin.separate else np.ones((1, 3)))
+        self._set(program, "total_weight", skin.total_weight_rgb[None])
+        self._set(program, "light_kind", np.array([lamp.kind for lamp in self._lamps], np.int32))
+        self._set(program, "light_layer", lights)
+        self._set(program, "light_color_layer", lights if skin.separate else np.zeros_like(lights))
+        self._set(program, "light_at", np.array([lamp.at for lamp in self._lamps]))
+        self._set(program, "light_axis", np.array([lamp.axis for lamp in self._lamps]))
+        self._set(program, "light_cosines", np.array([lamp.cosines for lamp in self._lamps]))
+        self._set(program, "light_color", colors)
+        for name, value in (
+            ("albedo_exponent_after", 1 - skin.texturing.exponent_before),
+            ("normal_strength", skin.maps.normal_strength),
+            ("f0", skin.specular.f0),
+            ("strength", skin.specular.strength),
+        ):
+            GL.glUniform1f(self._location(program, name), value)
+
+    def _bind_and_draw_primitive(self, primitive: Any, pose: Float, program: Any, flags: int) -> None:
+        for unit, (name, texture) in enumerate(self._textures[self._tile_of[primitive]].samplers.items()):
+            location = self._location(program, name)
+            if location >= 0:
+                GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
+                GL.glBindTexture(GL.GL_TEXTURE_2D_ARRAY, texture)
+                GL.glUniform1i(location, unit)
+        GL.glDisable(GL.GL_BLEND)
+        GL.glEnable(GL.GL_CULL_FACE)
+        GL.glCullFace(GL.GL_BACK)
+        GL.glPolygonMode(GL.GL_FRONT_AND_BACK, GL.GL_FILL)
+        primitive._bind()
+        GL.glDrawElements(GL.GL_TRIANGLES, primitive.indices.size, GL.GL_UNSIGNED_INT, None)
+        primitive._unbind()
+
+    def _location(self, program: Any, name: str) -> int:
+        key = (program._program_id, name)
+        if key not in self._locations:
+            self._locations[key] = GL.glGetUniformLocation(program._program_id, name)
+        return self._locations[key]
+
+    def _set(self, program: Any, name: str, values: Any) -> None:
+        """Set a whole uniform array; one that this variant of the shader does not use is left out."""
+        location = self._location(program, name)
+        if location < 0:
+            return
+        if values.dtype == np.int32:
+            GL.glUniform1iv(location, len(values), values)
+        else:
+            call = {2: GL.glUniform2fv, 3: GL.glUniform3fv}[values.shape[1]]
+            call(location, len(values), np.ascontiguousarray(values, np.float32))
+
+    def delete(self) -> None:
+        """Free all OpenGL resources."""
+        for textures in self._textures.values():
+            textures.delete()
+        if self._textures:
+            GL.glDeleteTextures([self._oil_albedo])
+        self._textures = {}
+        if self.target is not None:
+            self.target.delete()
+            self.target = None
+        super().delete()

@@ -1,0 +1,184 @@
+#version 330 core
+// Adds up what the bake left and shades the oil layer; nothing is blurred here. The words in capitals that no #define
+// explains are written in by skinbake/preview/renderer.py, which knows how many lobes and lights there are.
+
+const float PI = 3.14159265358979;
+const float ROUGHNESS_MIN = 1e-4;
+const float HALF_SQUARED_MIN = 1e-6;
+const int DIRECTIONAL = 0, POINT = 1, SPOT = 2, FACET = 3, ENVIRONMENT = 4;
+
+in vec3 frag_position;
+in vec3 frag_normal;
+in vec4 frag_tangent;
+in vec2 frag_uv;
+
+uniform vec3 cam_pos;
+
+DECLARE_LOBES
+uniform vec3 lobe_weight[N_LOBES];
+uniform vec3 layer_gain[N_LAYERS];   // of each stored light's diffuse part
+uniform vec3 total_weight;
+uniform float albedo_exponent_after; // THEORY (5.1): 1 - x
+uniform sampler2DArray irradiance;
+uniform sampler2DArray visibility;
+uniform sampler2DArray albedo;
+uniform sampler2DArray normal_map;
+uniform sampler2DArray roughness_map;
+uniform sampler2DArray specular_map;
+uniform sampler2DArray oil_albedo;        // rows sqrt(N.V), columns sqrt(m); f0 * red + green
+uniform float normal_strength;
+uniform float f0;
+uniform float strength;
+
+uniform int light_kind[N_LIGHTS];
+uniform int light_layer[N_LIGHTS];
+uniform int light_color_layer[N_LIGHTS];
+uniform vec3 light_at[N_LIGHTS];     // position, or unit vector towards a directional light
+uniform vec3 light_axis[N_LIGHTS];
+uniform vec2 light_cosines[N_LIGHTS]; // of a spot's outer and inner angle
+uniform vec3 light_color[N_LIGHTS];  // irradiance facing it, or intensity; with the light's gain
+
+layout(location = 0) out vec4 radiance;
+#ifdef GBUFFER
+layout(location = 1) out vec4 out_position;
+layout(location = 2) out vec4 out_normal;
+layout(location = 3) out vec4 out_tangent;
+layout(location = 4) out vec4 out_uv;
+#endif
+
+// As skinbake/irradiance/normal_map.py bends it for the diffuse part
+vec3 shading_normal(vec3 n)
+{
+#ifdef HAS_NORMAL_MAP
+    vec3 s = texture(normal_map, vec3(frag_uv, 0.0)).xyz;
+#ifdef OBJECT_SPACE
+    return dot(s, s) > 0.0 ? normalize(s) : n;
+#endif
+    vec3 t = frag_tangent.xyz - n * dot(n, frag_tangent.xyz);
+    if (dot(t, t) < 1e-12 || s.z <= 0.0)
+        return n;
+    t = normalize(t);
+    vec3 b = cross(n, t) * (frag_tangent.w < 0.0 ? -1.0 : 1.0);
+    n = normalize(s.x * normal_strength * t + s.y * normal_strength * b + s.z * n);
+#endif
+    return n;
+}
+
+// Takes light off mapped normals that face a light which the skin under them turns away from [Chiang2019]
+float soften(float cos_mapped, float cos_smooth, float cos_between)
+{
+    if (cos_smooth <= 0.0)
+        return 0.0;
+    float g = cos_smooth / max(cos_mapped * max(cos_between, 1e-6), 1e-12);
+    return g >= 1.0 ? 1.0 : g * (1.0 + g * (1.0 - g));
+}
+
+// A(c, m) for rho_s = 1, THEORY (6.4)
+float specular_albedo(float c, float m)
+{
+    vec2 size = vec2(textureSize(oil_albedo, 0).xy);
+    vec2 at = sqrt(clamp(vec2(m, c), 0.0, 1.0)) * (size - 1.0) + 0.5;
+    vec2 split = texture(oil_albedo, vec3(at / size, 0.0)).rg;
+    return f0 * split.r + split.g;
+}
+
+// Kelemen/Szirmay-Kalos in log form, THEORY (6.7), for rho_s = 1
+float oil_brdf(vec3 n, vec3 l, vec3 v, float m)
+{
+    vec3 h = l + v;
+    float h_squared = dot(h, h);
+    vec3 half_vector = h * inversesqrt(max(h_squared, 1e-12));
+    float n_dot_h = dot(n, half_vector);
+    if (n_dot_h <= 0.0)
+        return 0.0;
+    vec3 sine = cross(n, half_vector);  // 1 - (N.H)^2 would be granular for small m
+    float grazing = clamp(1.0 - dot(v, half_vector), 0.0, 1.0);
+    float squared = grazing * grazing;
+    float fresnel = f0 + (1.0 - f0) * squared * squared * grazing;
+    float tangent = length(sine) / (n_dot_h * m);
+    return fresnel / max(h_squared, HALF_SQUARED_MIN) * exp(-tangent * tangent - 2.0 * log(m) - 4.0 * log(n_dot_h));
+}
+
+// Unit vector to light i, and in `arriving` what falls on a plane that faces it
+vec3 to_light(int i, out vec3 arriving)
+{
+    arriving = light_color[i];
+    if (light_kind[i] == DIRECTIONAL)
+        return light_at[i];
+    vec3 way = light_at[i] - frag_position;
+    float distance_squared = max(dot(way, way), 1e-6);
+    vec3 l = way * inversesqrt(distance_squared);
+    arriving /= distance_squared;
+    float c = -dot(l, light_axis[i]);
+    if (light_kind[i] == SPOT)
+        arriving *= smoothstep(light_cosines[i].x, light_cosines[i].y, c);
+    else if (light_kind[i] == FACET)
+        arriving *= max(c, 0.0);
+    return l;
+}
+
+void main()
+{
+    vec3 smooth_normal = normalize(frag_normal);
+    vec3 n = shading_normal(smooth_normal);
+    vec3 v = normalize(cam_pos - frag_position);
+    float m = clamp(texture(roughness_map, vec3(frag_uv, 0.0)).r, ROUGHNESS_MIN, 1.0);
+    float rho_s = strength * texture(specular_map, vec3(frag_uv, 0.0)).r;
+#ifdef NEEDS_OIL_ALBEDO
+    float reflected = clamp(rho_s * specular_albedo(dot(n, v), m), 0.0, 1.0);
+#endif
+    vec3 color = vec3(0.0);
+
+#ifdef SHOW_DIFFUSE
+    vec3 exitance = vec3(0.0);
+    for (int layer = 0; layer < N_LAYERS; ++layer) {
+#ifdef UNSCATTERED
+        exitance += layer_gain[layer] * texture(irradiance, vec3(frag_uv, layer)).rgb;
+#else
+        exitance += layer_gain[layer] * (SUM_OF_LOBES);
+#endif
+    }
+#ifdef UNSCATTERED
+    exitance *= total_weight * texture(albedo, vec3(frag_uv, 0.0)).rgb;
+#else
+#ifdef ALBEDO_AFTER
+    exitance *= pow(max(texture(albedo, vec3(frag_uv, 0.0)).rgb, 0.0), vec3(albedo_exponent_after));
+#endif
+#endif
+#ifdef ENERGY_CONSERVATION
+    exitance *= 1.0 - reflected;  // THEORY (7.1)
+#endif
+    color += exitance / PI;
+#endif
+
+#ifdef SHOW_SPECULAR
+    for (int i = 0; i < N_LIGHTS; ++i) {
+#ifdef HAS_ENVIRONMENT
+        if (light_kind[i] == ENVIRONMENT) {
+            // As if what arrives came evenly from everywhere
+            vec3 arriving = texture(irradiance, vec3(frag_uv, light_color_layer[i])).rgb;
+            color += light_color[i] * arriving / PI * reflected;
+            continue;
+        }
+#endif
+        vec3 arriving;
+        vec3 l = to_light(i, arriving);
+        float n_dot_l = dot(n, l);
+        if (n_dot_l > 0.0) {
+            float seen = texture(visibility, vec3(frag_uv, light_layer[i])).r;
+#ifdef HAS_NORMAL_MAP
+            seen *= soften(n_dot_l, dot(smooth_normal, l), dot(smooth_normal, n));
+#endif
+            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, m));
+        }
+    }
+#endif
+
+    radiance = vec4(color, 1.0);
+#ifdef GBUFFER
+    out_position = vec4(frag_position, TILE_NUMBER);
+    out_normal = vec4(frag_normal, 1.0);
+    out_tangent = frag_tangent;
+    out_uv = vec4(frag_uv.x, 1.0 - frag_uv.y, 0.0, 1.0);
+#endif
+}

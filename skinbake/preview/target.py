@@ -1,0 +1,100 @@
+"""A frame buffer of 32-bit floats; pyrender's own has 8 bits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from OpenGL import GL
+
+from skinbake.errors import MachineError
+
+
+class FloatTarget:
+    """Color attachments of RGBA32F with depth, resolved from `samples` a pixel where that is above 1.
+
+    Parameters
+    ----------
+    width, height : int
+    attachments : int
+        1 for the picture; more for a geometry buffer, which must not be multisampled.
+    samples : int
+        Lowered to what the driver has.
+    """
+
+    def __init__(self, width: int, height: int, attachments: int = 1, samples: int = 1) -> None:
+        self.width, self.height, self.attachments = width, height, attachments
+        self.samples = min(samples, int(GL.glGetIntegerv(GL.GL_MAX_SAMPLES)))
+        largest = int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))
+        if max(width, height) > largest:
+            raise MachineError(
+                f"a picture of {width} x {height} is larger than this OpenGL allows ({largest}); make it smaller"
+            )
+        self._renderbuffers: list[int] = []
+        self.texture = self._color_texture()
+        self._resolved = self._framebuffer(1, attachments if self.samples <= 1 else 1, textured=True)
+        self.framebuffer = self._resolved if self.samples <= 1 else self._framebuffer(self.samples, attachments, False)
+
+    def _color_texture(self) -> int:
+        texture = int(GL.glGenTextures(1))
+        GL.glBindTexture(GL.GL_TEXTURE_2D, texture)
+        for name in (GL.GL_TEXTURE_MIN_FILTER, GL.GL_TEXTURE_MAG_FILTER):
+            GL.glTexParameteri(GL.GL_TEXTURE_2D, name, GL.GL_NEAREST)
+        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_RGBA32F, self.width, self.height, 0, GL.GL_RGBA, GL.GL_FLOAT, None)
+        return texture
+
+    def _framebuffer(self, samples: int, attachments: int, textured: bool) -> int:
+        framebuffer = int(GL.glGenFramebuffers(1))
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, framebuffer)
+        for i in range(attachments):
+            at = GL.GL_COLOR_ATTACHMENT0 + i
+            if textured and i == 0:
+                GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, at, GL.GL_TEXTURE_2D, self.texture, 0)
+            else:
+                buffer = self._renderbuffer(GL.GL_RGBA32F, samples)
+                GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, at, GL.GL_RENDERBUFFER, buffer)
+        depth = self._renderbuffer(GL.GL_DEPTH_COMPONENT24, samples)
+        GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, GL.GL_DEPTH_ATTACHMENT, GL.GL_RENDERBUFFER, depth)
+        GL.glDrawBuffers(attachments, [GL.GL_COLOR_ATTACHMENT0 + i for i in range(attachments)])
+        if GL.glCheckFramebufferStatus(GL.GL_FRAMEBUFFER) != GL.GL_FRAMEBUFFER_COMPLETE:
+            raise MachineError("this OpenGL has no frame buffer of 32-bit floats; install a newer driver, or use Mesa")
+        return framebuffer
+
+    def _renderbuffer(self, form: int, samples: int) -> int:
+        buffer = int(GL.glGenRenderbuffers(1))
+        self._renderbuffers.append(buffer)
+        GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
+        if samples > 1:
+            GL.glRenderbufferStorageMultisample(GL.GL_RENDERBUFFER, samples, form, self.width, self.height)
+        else:
+            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, form, self.width, self.height)
+        return buffer
+
+    def bind(self) -> None:
+        """Draw here from now on."""
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self.framebuffer)
+
+    def resolve(self) -> None:
+        """Average the samples of each pixel; the picture is then in `texture`."""
+        if self.framebuffer != self._resolved:
+            box = (0, 0, self.width, self.height)
+            GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self.framebuffer)
+            GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._resolved)
+            GL.glBlitFramebuffer(*box, *box, GL.GL_COLOR_BUFFER_BIT, GL.GL_NEAREST)
+
+    def read(self, attachment: int = 0) -> NDArray[np.float32]:
+        """A color attachment, shape (height, width, 4), row 0 at the top."""
+        self.resolve()
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._resolved)
+        GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT0 + attachment)
+        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
+        pixels = np.empty((self.height, self.width, 4), np.float32)
+        GL.glReadPixels(0, 0, self.width, self.height, GL.GL_RGBA, GL.GL_FLOAT, pixels)
+        return np.ascontiguousarray(pixels[::-1])
+
+    def delete(self) -> None:
+        """Free it."""
+        GL.glDeleteFramebuffers(1, [self.framebuffer])
+        if self.framebuffer != self._resolved:
+            GL.glDeleteFramebuffers(1, [self._resolved])
+        GL.glDeleteRenderbuffers(len(self._renderbuffers), self._renderbuffers)
+        GL.glDeleteTextures([self.texture])

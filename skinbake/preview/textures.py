@@ -1,0 +1,106 @@
+"""Textures on the graphics card, as 16- or 32-bit floats, bilinear, clamped at the edge.
+
+pyrender's own textures turn floats into 8 bit, so these are made with PyOpenGL in pyrender's context.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from OpenGL import GL
+
+from skinbake.errors import MachineError
+from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.preview.scene import PreviewScene
+
+_FORMAT = {1: GL.GL_RED, 2: GL.GL_RG, 3: GL.GL_RGB}
+_INTERNAL = {
+    (1, "float16"): GL.GL_R16F,
+    (2, "float16"): GL.GL_RG16F,
+    (3, "float16"): GL.GL_RGB16F,
+    (1, "float32"): GL.GL_R32F,
+    (2, "float32"): GL.GL_RG32F,
+    (3, "float32"): GL.GL_RGB32F,
+}
+
+
+def upload(image: NDArray[np.floating]) -> int:
+    """Make an array texture; single images have one layer, for a program may not mix kinds of samplers while unbound.
+
+    Parameters
+    ----------
+    image : ndarray of shape (L, h, w, k), float16 or float32, k in 1 ... 3
+        Row 0 is what the shader reads at t = 0.
+
+    Raises
+    ------
+    MachineError
+        Larger than the driver allows, or no memory for it.
+    """
+    dtype = "float16" if image.dtype == np.float16 else "float32"
+    image = np.ascontiguousarray(image, dtype=dtype)
+    layers, height, width, channels = image.shape
+    largest = int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE))
+    if max(height, width) > largest:
+        raise MachineError(
+            f"a texture of {width} x {height} is larger than this OpenGL allows ({largest}); bake a smaller one"
+        )
+
+    texture = int(GL.glGenTextures(1))
+    GL.glBindTexture(GL.GL_TEXTURE_2D_ARRAY, texture)
+    GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
+    for name, value in (
+        (GL.GL_TEXTURE_MIN_FILTER, GL.GL_LINEAR),
+        (GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR),
+        (GL.GL_TEXTURE_WRAP_S, GL.GL_CLAMP_TO_EDGE),
+        (GL.GL_TEXTURE_WRAP_T, GL.GL_CLAMP_TO_EDGE),
+        (GL.GL_TEXTURE_MAX_LEVEL, 0),
+    ):
+        GL.glTexParameteri(GL.GL_TEXTURE_2D_ARRAY, name, value)
+
+    kind = GL.GL_HALF_FLOAT if dtype == "float16" else GL.GL_FLOAT
+    internal, form = _INTERNAL[channels, dtype], _FORMAT[channels]
+    pixels = ctypes.c_void_p(image.ctypes.data)  # as a pointer: PyOpenGL knows no array of halves
+    try:
+        GL.glTexImage3D(GL.GL_TEXTURE_2D_ARRAY, 0, internal, width, height, layers, 0, form, kind, pixels)
+    except GL.GLError as error:
+        GL.glDeleteTextures([texture])
+        size = f"{image.nbytes / 2**20:.0f} MiB"
+        raise MachineError(f"the graphics card took no texture of {size}: {error.description}") from error
+    return texture
+
+
+class TileTextures:
+    """Every texture of one UDIM tile, by the sampler's name in the shader, in the order of their units."""
+
+    def __init__(self, scene: PreviewScene, tile: int, oil_albedo: int) -> None:
+        maps = scene.maps
+        images: dict[str, NDArray[np.floating]] = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
+        images |= {
+            "irradiance": scene.irradiance[tile],
+            "visibility": scene.visibility[tile][..., None],
+            # A missing map is one texel of its constant
+            "albedo": maps.albedo.get(tile, _constant(maps.albedo_rgb))[None],
+            "normal_map": maps.normal.get(tile, _constant((0.0, 0.0, 1.0)))[None],
+            "roughness_map": maps.roughness.get(tile, np.full((1, 1), scene.specular.roughness))[None, ..., None],
+            "specular_map": maps.specular.get(tile, np.ones((1, 1)))[None, ..., None],
+        }
+        self._own = {name: upload(image) for name, image in images.items()}
+        self.samplers = {**self._own, "oil_albedo": oil_albedo}
+        self.has_normal_map = tile in maps.normal
+
+    def delete(self) -> None:
+        """Free what this tile alone holds."""
+        GL.glDeleteTextures(list(self._own.values()))
+
+
+def upload_oil_albedo() -> int:
+    """The table of the oil layer's albedo; row = cosine, column = roughness."""
+    return upload(specular_albedo_table()[None])
+
+
+def _constant(rgb: Sequence[float]) -> NDArray[np.float32]:
+    return np.asarray(rgb, np.float32).reshape(1, 1, 3)
