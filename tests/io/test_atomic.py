@@ -1,0 +1,51 @@
+import errno
+import os
+
+import pytest
+
+from skinbake.errors import InputError, MachineError
+from skinbake.io.atomic import atomic_write, write_text
+
+
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
+    """Whole or not at all: an error half way through changes nothing."""
+    path = tmp_path / "a.json"
+    write_text(path, "old")
+
+    def fail():
+        with atomic_write(path) as beside:
+            beside.write_text("ne")
+            raise RuntimeError("half way")
+
+    with pytest.raises(RuntimeError, match="half way"):
+        fail()
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.json"]
+
+
+def test_folders_are_made(tmp_path):
+    """A bake folder need not exist before."""
+    write_text(tmp_path / "a" / "b" / "c.txt", "text")
+    assert (tmp_path / "a" / "b" / "c.txt").read_text() == "text"
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "says"),
+    [
+        (errno.ENOSPC, MachineError, "disk is full"),
+        (errno.EACCES, InputError, "can be written to"),
+        (errno.EROFS, InputError, "can be written to"),
+        (errno.ENOTDIR, InputError, "file in the way"),
+    ],
+)
+def test_the_systems_errors_say_what_to_do(tmp_path, number, kind, says):
+    """Exit code 3 where the machine failed, 2 where the choice of folder did."""
+    with pytest.raises(kind, match=says), atomic_write(tmp_path / "a.txt"):
+        raise OSError(number, os.strerror(number))
+
+
+def test_a_file_where_a_folder_should_be_is_told(tmp_path):
+    """Really done, not simulated."""
+    (tmp_path / "out").write_text("a file")
+    with pytest.raises(InputError, match="expected a folder"):
+        write_text(tmp_path / "out" / "a.txt", "text")

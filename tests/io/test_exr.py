@@ -1,0 +1,90 @@
+import hashlib
+
+import numpy as np
+import pytest
+
+from skinbake.errors import InputError
+from skinbake.io.exr import Part, as_stored, read_attributes, read_parts, rgb_channels, write_parts
+
+RNG = np.random.default_rng(7)
+IMAGE = RNG.random((37, 53, 3), dtype=np.float32)
+
+
+def part(image=IMAGE, name="irradiance", **attributes):
+    return Part(name, rgb_channels(np.asarray(image, np.float32)), attributes)
+
+
+def test_float_parts_come_back_as_they_were(tmp_path):
+    """Write, read, equal: several parts, odd sizes, attributes included."""
+    other = part(IMAGE * 2, "light.key", **{"skinbake:key": "abc"})
+    write_parts(tmp_path / "a.exr", [part(), other], {"skinbake:weight_rgb": [1.0, 0.5, 0.25]}, precision="float")
+    parts = read_parts(tmp_path / "a.exr")
+    assert list(parts) == ["irradiance", "light.key"]
+    np.testing.assert_array_equal(parts["irradiance"].rgb, IMAGE)
+    np.testing.assert_array_equal(parts["light.key"].rgb, IMAGE * 2)
+    assert parts["light.key"].attributes["skinbake:key"] == "abc"
+    assert parts["irradiance"].attributes["skinbake:weight_rgb"] == (1.0, 0.5, 0.25)
+    assert parts["irradiance"].attributes["oiio:ColorSpace"] == "lin_rec709"
+    assert read_attributes(tmp_path / "a.exr")["irradiance"]["size"] == [53, 37]
+
+
+@pytest.mark.parametrize("compression", ["none", "rle", "zips", "zip", "piz"])
+def test_half_parts_are_what_as_stored_says(tmp_path, compression):
+    """`as_stored` is the file without the file, so that a resumed bake cannot differ from an undisturbed one."""
+    write_parts(tmp_path / "a.exr", [part()], compression=compression)
+    read = read_parts(tmp_path / "a.exr")["irradiance"]
+    assert read.channels["R"].dtype == np.float16
+    np.testing.assert_array_equal(read.rgb, as_stored(IMAGE, "half"))
+    assert np.abs(read.rgb / IMAGE - 1).max() < 2**-11 * 1.01
+
+
+@pytest.mark.parametrize("top", [70000.0, 1e30, 1e-8, 0.01])
+def test_channels_that_half_cannot_hold_are_stored_as_float(tmp_path, top):
+    """A sun's 1e5 does not become infinity, and a candle's 1e-8 does not become black."""
+    image = IMAGE * np.float32(top)
+    write_parts(tmp_path / "a.exr", [part(image)])
+    read = read_parts(tmp_path / "a.exr")["irradiance"].rgb
+    np.testing.assert_array_equal(read, as_stored(image, "half"))
+    np.testing.assert_array_equal(read, image)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_nothing_that_is_not_finite_is_written(tmp_path, value):
+    """The message names the texel, and the file that stood there still stands."""
+    path = tmp_path / "a.exr"
+    write_parts(path, [part()])
+    before = path.read_bytes()
+    broken = IMAGE.copy()
+    broken[5, 11, 1] = value
+    with pytest.raises(InputError, match=r"part irradiance, channel G: expected finite values.*column 11, row 5"):
+        write_parts(path, [part(broken)])
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["a.exr"]
+
+
+def test_bytes_are_reproducible(tmp_path):
+    """The same image gives the same file, with no date in it."""
+    digests = set()
+    for name in ("a.exr", "b.exr"):
+        write_parts(tmp_path / name, [part(), part(IMAGE, "light.key")], {"skinbake:version": "x"})
+        digests.add(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
+    assert len(digests) == 1
+
+
+@pytest.mark.parametrize("keep", [0, 3, 200, 3000, 0.5, 0.9, -1])
+def test_a_file_cut_short_is_refused(tmp_path, keep):
+    """Wherever it was cut, also in the last byte; never an image with black rows."""
+    path = tmp_path / "a.exr"
+    write_parts(path, [part(), part(IMAGE, "light.key")])
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(keep * len(whole)) if isinstance(keep, float) else keep])
+    with pytest.raises(InputError, match=r"a\.exr: expected"):
+        read_parts(path)
+
+
+def test_what_is_no_exr_is_refused(tmp_path):
+    """Text, another format, a folder, nothing at all: one clear message."""
+    (tmp_path / "text.exr").write_text("not an image")
+    for name in ("text.exr", "none.exr", "."):
+        with pytest.raises(InputError, match="expected an EXR"):
+            read_parts(tmp_path / name)
