@@ -36,7 +36,7 @@ def baked(request, tmp_path_factory):
     config = shutil.copy(HERE / request.param / "config.yaml", folder)
     write_obj(folder / "mesh.obj", MESHES[request.param]())
     assert run(["bake", str(config), "--quiet", "--no-preview"]) == 0
-    assert run(["preview", str(folder / "out"), "--exr", str(folder / "out" / "preview.exr"), "--quiet"]) == 0
+    assert run(["preview", str(folder / "out"), "--png", str(folder / "out" / "preview.png"), "--exr", "--quiet"]) == 0
     return request.param, folder / "out"
 
 
