@@ -24,7 +24,7 @@ def as_radii(radius_mm: ArrayLike) -> Float:
     """
     radius = np.atleast_1d(np.asarray(radius_mm, dtype=np.float64))
     if radius.ndim != 1 or not np.isfinite(radius).all() or np.any(radius < 0):
-        raise ValueError(f"radius_mm: expected finite numbers >= 0, got {radius_mm}")
+        raise ValueError(f"radius_mm: expected finite numbers >= 0, got {radius.tolist()}")
     return radius
 
 
@@ -98,7 +98,7 @@ class SpectralProfile(DiffusionProfile):
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A profile at given radii, as the `profile` verb prints it. Arrays are (N, 3) but `radius_mm` (N,) and totals (3,)."""
+    """A profile at given radii. Arrays are (N, 3), `radius_mm` is (N,), totals are (3,)."""
 
     radius_mm: Float
     reflectance_per_mm2: Float

@@ -1,4 +1,4 @@
-"""Where a fit looks at a profile: discrete nodes on which the r-weighted norm of THEORY (4.2) is a plain sum of squares."""
+"""Where a fit looks at a profile: nodes on which the r-weighted norm of THEORY (4.2) is a plain sum of squares."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class FitNodes(Protocol):
 
 @dataclass(frozen=True)
 class FrequencyNodes:
-    """Nodes in the Hankel domain, where a Gaussian is exp(-v s^2 / 2) and by Parseval the norm is int s F~^2 ds / 4 pi^2.
+    """Nodes in the Hankel domain: a Gaussian is exp(-v s^2 / 2), and by Parseval the norm is int s F~^2 ds / 4 pi^2.
 
     `footprint_mm` is the sigma of a Gaussian through which model and fit are both seen; 0 for none. Without it the norm
     of a profile that rises as 1/r is infinite.

@@ -12,7 +12,7 @@ from skinbake.profile.diffusion_profile import DiffusionProfile
 from skinbake.profile.fit_nodes import FitNodes
 from skinbake.profile.gaussian_sum import GaussianSum
 
-CURVE_POINTS = 160
+CURVE_POINTS = 120
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def curve_radii(gaussians: GaussianSum, count: int = CURVE_POINTS) -> Float:
 
 
 def error_against(gaussians: GaussianSum, nodes: FitNodes) -> tuple[Float, Float, Float]:
-    """How well a sum of Gaussians describes another profile: error as it is, best scale, error at that scale; each (3,)."""
+    """How well Gaussians describe another profile: error as they are, best scale, error at that scale; each (3,)."""
     wide = gaussians.variance_mm2 > 0
     value, _ = nodes.basis(gaussians.variance_mm2[wide])
     weighted = value * nodes.root_weight[:, None] @ gaussians.weight_rgb[wide]

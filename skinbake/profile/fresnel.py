@@ -33,8 +33,8 @@ def diffuse_reflectance_polynomial(eta: float) -> float:
 def fresnel_moments(eta: float) -> tuple[float, float]:
     """2 C1 (which is F_dr) and 3 C2 of unpolarised Fresnel reflection, by quadrature; THEORY (1.8) to (1.10).
 
-    With the cosines on the dense and thin side written as c cosh(q) and n c sinh(q), c the critical cosine, the s-polarised
-    amplitude is exp(-2q) and everything is smooth in q: no cancellation near eta = 1, unlike the closed form.
+    With the cosines on the dense and thin side written as c cosh(q) and n c sinh(q), c the critical cosine, the
+    s-polarised amplitude is exp(-2q) and all is smooth in q: no cancellation near eta = 1, unlike the closed form.
     """
     if eta == 1:
         return 0.0, 0.0

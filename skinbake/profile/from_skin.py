@@ -52,7 +52,7 @@ def profile_of(
             return BetterDipoleProfile(BetterDipole(medium, skin.eta))
         return DipoleProfile(medium, skin.eta, skin.boundary)
     if isinstance(skin, MultipoleSkin):
-        return LayeredProfile(tuple(map(_layer, skin.layers)), boundary=skin.boundary)
+        return LayeredProfile(tuple(map(_layer, skin.layers)), boundary=skin.boundary, thin_layers=skin.thin_layers)
     if isinstance(skin, TransportSkin):
         from skinbake.profile.transport import trace_layers
 

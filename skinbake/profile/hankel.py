@@ -12,7 +12,7 @@ from skinbake.profile.slab import Array
 Transform = Callable[[Array], Array]  # s of shape (C or 1, ...) to F~(s) of shape (C, ...)
 
 UNDERFLOW = 700.0  # exp(-700) is the smallest magnitude worth carrying in float64
-STEPS_PER_DECADE = 16  # trapezoid in ln t inside a strip of half-width pi/4: error exp(-2 pi (pi/4) / h) ~ 1e-15
+STEPS_PER_DECADE = 14  # trapezoid in ln t inside a strip of half-width pi/4: error exp(-2 pi (pi/4) / h) ~ 1e-13
 DIRECTION = np.exp(0.25j * np.pi)
 
 
@@ -21,10 +21,10 @@ def inverse_hankel(
 ) -> Float:
     """F(r) = 1/(2 pi) int F~(s) J0(s r) s ds, shape (C, N).
 
-    J0 is the real part of the Hankel function H0, which decays off the real axis. F~ of a diffusing stack is analytic in the
-    first quadrant and real up the imaginary axis as far as i sigma_tr of the least absorbing layer. So the path may
-    climb to that point, where it collects nothing real, and leave it at 45 degrees: no oscillation is left at any r, and as
-    exp(-sigma_tr r) is pulled out of the integral the far field keeps its relative accuracy.
+    J0 is the real part of the Hankel function H0, which decays off the real axis. F~ of a diffusing stack is analytic
+    in the first quadrant, and real up the imaginary axis as far as i sigma_tr of the least absorbing layer. So the path
+    may climb to that point, where it collects nothing real, and leave it at 45 degrees: no oscillation is left at any
+    r, and as exp(-sigma_tr r) is pulled out of the integral the far field keeps its relative accuracy.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def inverse_hankel(
 def _logarithmic(radius: Float, shortest_mm: float, longest_mm: float) -> tuple[Float, Float]:
     """Geometric steps t, shape (N, M), and their logarithmic spacing, shape (N, 1), for each radius."""
     top = 60 / (radius + shortest_mm)
-    bottom = 1e-13 / (radius + longest_mm)
+    bottom = 1e-12 / (radius + longest_mm)
     decades = np.log(top / bottom) / np.log(10)
     count = int(np.ceil(decades.max() * STEPS_PER_DECADE))
     step = np.log(top / bottom)[:, None] / count

@@ -10,7 +10,7 @@ import numpy as np
 from skinbake.numerics import Float
 from skinbake.profile.fresnel import BoundaryMethod, boundary_factor
 from skinbake.profile.medium import Medium
-from skinbake.profile.slab import Array, half_space, sharp_transmittance, slab
+from skinbake.profile.slab import Array, ThinLayers, half_space, sharp_transmittance, slab
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def without_empty(layers: Sequence[Layer]) -> tuple[Layer, ...]:
 
 
 def stack_response(
-    layers: Sequence[Layer], s_per_mm: Array, boundary: BoundaryMethod = "polynomial", guard: bool = True
+    layers: Sequence[Layer], s_per_mm: Array, boundary: BoundaryMethod = "polynomial", thin: ThinLayers = "guarded"
 ) -> tuple[Array, Array]:
     """Reflection and transmission of a stack lit from above, THEORY (3.7), each of shape (C, ...).
 
@@ -75,7 +75,7 @@ def stack_response(
             transmitted = np.zeros_like(reflected)
             continue
         bottom = boundary_factor(layer.eta / outside[i + 2], boundary)
-        this = slab(layer.medium, layer.thickness_mm, top, bottom, s_per_mm, guard)
+        this = slab(layer.medium, layer.thickness_mm, top, bottom, s_per_mm, thin)
         if reflected is None:
             reflected, transmitted, loss = this.down_r, this.down_t, this.down_loss
             continue
@@ -88,11 +88,11 @@ def stack_response(
     return reflected, transmitted
 
 
-def sharp_stack_transmittance(layers: Sequence[Layer]) -> Float:
+def sharp_stack_transmittance(layers: Sequence[Layer], thin: ThinLayers = "guarded") -> Float:
     """Transmitted share that leaves exactly below where it entered (a delta in T(r)), shape (C,)."""
     share = np.ones(1)
     for layer in without_empty(layers):
         if np.isinf(layer.thickness_mm):
             return np.zeros_like(layer.medium.albedo)
-        share = share * sharp_transmittance(layer.medium, layer.thickness_mm)
+        share = share * sharp_transmittance(layer.medium, layer.thickness_mm, thin)
     return share

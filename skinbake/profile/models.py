@@ -17,7 +17,7 @@ from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.profile.hankel import Transform, inverse_hankel
 from skinbake.profile.layers import Layer, sharp_stack_transmittance, stack_response, without_empty
 from skinbake.profile.medium import Medium
-from skinbake.profile.slab import Array, half_space
+from skinbake.profile.slab import Array, ThinLayers, half_space
 
 ROUND_OFF = 1e-9  # share of R(0) below which a negative R(r) is taken as 0, THEORY section 10
 
@@ -83,21 +83,21 @@ class LayeredProfile(SpectralProfile):
     Attributes
     ----------
     to_rgb : ndarray of shape (3, C)
-    guard : bool
+    thin_layers : {"guarded", "ballistic", "continued"}
         See `slab`.
     """
 
     layers: tuple[Layer, ...]
     to_rgb: Float = field(default_factory=lambda: np.eye(3))
     boundary: BoundaryMethod = "polynomial"
-    guard: bool = True
+    thin_layers: ThinLayers = "guarded"
     model: str = "multipole"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "layers", without_empty(self.layers))
 
     def _response(self, s_per_mm: Array) -> tuple[Array, Array]:
-        return stack_response(self.layers, s_per_mm, self.boundary, self.guard)
+        return stack_response(self.layers, s_per_mm, self.boundary, self.thin_layers)
 
     def hankel(self, s_per_mm: Float) -> Float:
         """R~(s) by THEORY (3.5) and (3.7)."""
@@ -116,7 +116,7 @@ class LayeredProfile(SpectralProfile):
     @property
     def _sharp(self) -> Float:
         channels = len(self.layers[0].medium.albedo)
-        return np.broadcast_to(sharp_stack_transmittance(self.layers) if self.guard else 0.0, channels)
+        return np.broadcast_to(sharp_stack_transmittance(self.layers, self.thin_layers), channels)
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
         """R(r) by the inverse Hankel transform."""
@@ -153,7 +153,7 @@ class LayeredProfile(SpectralProfile):
 
 @dataclass(frozen=True)
 class BurleyProfile(SpectralProfile):
-    """Normalised diffusion. R rises as 1/r, so r = 0 is given as the mean over a disc of d/20, and a fit is judged through it."""
+    """Normalised diffusion. R rises as 1/r: r = 0 is given as a disc mean of radius d/20, a fit is seen through it."""
 
     d_mm: Float
     albedo: Float
@@ -214,7 +214,7 @@ class GaussianProfile(SpectralProfile):
 
 
 def media_lengths(media: tuple[Medium, ...]) -> tuple[float, float]:
-    """Shortest free path, and the longest free path or diffusion length (at most 1e3 of the former, where nothing absorbs)."""
+    """Shortest free path, and longest free path or diffusion length (at most 1e3 free paths, where nothing absorbs)."""
     paths = np.concatenate([medium.free_path_mm for medium in media])
     spread = np.concatenate([1 / np.maximum(m.sigma_tr_per_mm, 1e-3 / m.free_path_mm) for m in media])
     return float(paths.min()), float(max(paths.max(), spread.max()))

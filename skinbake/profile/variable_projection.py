@@ -17,6 +17,8 @@ MIN_RATIO_SIGNED = 1.25
 SHARE_RANGE = (1e-4, 0.99)  # shares of the light under a window exp(-r^2 / 2v) that bound the variances
 # Shares of the light between which the starting variances are spread geometrically
 STARTS = ((0.02, 0.98), (0.05, 0.9), (0.2, 0.97), (0.005, 0.99), (0.1, 0.7), (0.002, 0.8))
+SHORT_LOOK = 12  # evaluations
+FINALISTS = 2
 WALL = 10.0  # residual for each e-fold beyond the range, against fit residuals well below 1
 
 
@@ -84,27 +86,30 @@ class Fitter:
         lower[0] = self.log_range[0]
         upper = np.full(count, np.inf)
         upper[0] = self.log_range[1]
-        best: Projection | None = None
-        for start in (*starts, *self._starts(count)):
-            log_v = np.log(np.sort(start))
-            x = np.clip(np.diff(log_v, prepend=0.0), lower + 1e-6, upper - 1e-6)
+
+        def search(x: Float, evaluations: int) -> Float:
             found = least_squares(
                 lambda x: self._residual(cumulate @ x),
-                x,
+                np.clip(x, lower + 1e-6, upper - 1e-6),
                 jac=lambda x: self._jacobian(cumulate @ x) @ cumulate,
                 bounds=(lower, upper),
                 ftol=1e-9,
                 xtol=1e-8,
                 gtol=1e-10,
-                max_nfev=60,
+                max_nfev=evaluations,
             )
-            candidate = self.project(np.exp(cumulate @ found.x))
-            if best is None or candidate.error @ candidate.error < best.error @ best.error:
-                best = candidate
-            if best.error.max() < 1e-9:
-                break
-        assert best is not None
-        return best
+            return np.asarray(found.x)
+
+        def squared_error(x: Float) -> float:
+            error = self.project(np.exp(cumulate @ x)).error
+            return float(error @ error)
+
+        # A short look from every start, then the better ones to the end
+        log_starts = [np.log(np.sort(start)) for start in (*starts, *self._starts(count))]
+        looks = [search(np.diff(log_v, prepend=0.0), SHORT_LOOK) for log_v in log_starts]
+        best = sorted(looks, key=squared_error)[:FINALISTS]
+        ends = [search(x, 60) for x in best]
+        return self.project(np.exp(cumulate @ min(ends, key=squared_error)))
 
     def project(self, variance_mm2: Float) -> Projection:
         """Best weights for given variances."""

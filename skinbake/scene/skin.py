@@ -92,6 +92,7 @@ class MultipoleSkin(_Layered):
 
     model: Literal["multipole"]
     boundary: Literal["polynomial", "exact"] = "polynomial"
+    thin_layers: Literal["guarded", "ballistic", "continued"] = "guarded"  # layers thinner than their free path
 
 
 class TransportSkin(_Layered):
@@ -146,9 +147,8 @@ class GaussiansSkin(_Skin):
     @model_validator(mode="after")
     def _one_row_each(self) -> GaussiansSkin:
         if len(self.variance_mm2) != len(self.weight_rgb):
-            raise ValueError(
-                f"expected one row of weight_rgb for each variance_mm2, got {len(self.weight_rgb)} for {len(self.variance_mm2)}"
-            )
+            got = f"{len(self.weight_rgb)} for {len(self.variance_mm2)}"
+            raise ValueError(f"expected one row of weight_rgb for each variance_mm2, got {got}")
         return self
 
 

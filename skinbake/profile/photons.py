@@ -1,0 +1,176 @@
+"""The inner loop of transport: photon packets through layers, compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+ROULETTE_BELOW = 1e-3
+ROULETTE_SURVIVAL = 0.1
+VERTICAL = 1 - 1e-12  # above this |u_z| the rotation of a direction needs its own branch
+MAX_EVENTS = (
+    1_000_000  # without absorption a walk in a half-space has no mean length; what is left then is counted as lost
+)
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+_S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _mixed(state):  # type: ignore[no-untyped-def]
+    """Output function of splitmix64 [Steele2014]."""
+    z = (state ^ (state >> _S30)) * _MIX_1
+    z = (z ^ (z >> _S27)) * _MIX_2
+    return z ^ (z >> _S31)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _uniform(bits):  # type: ignore[no-untyped-def]
+    """Inside (0, 1): 0 and 1 never occur, so a logarithm is always finite."""
+    return (np.float64(bits >> _S11) + 0.5) * (1.0 / 9007199254740992.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
+    """Unpolarised reflectance, and the cosine beyond the face (0 at total reflection)."""
+    if n_from == n_to:
+        return 0.0, cos_from
+    ratio = n_from / n_to
+    sin2 = ratio * ratio * (1.0 - cos_from * cos_from)
+    if sin2 >= 1.0:
+        return 1.0, 0.0
+    cos_to = math.sqrt(1.0 - sin2)
+    s = (n_from * cos_from - n_to * cos_to) / (n_from * cos_from + n_to * cos_to)
+    p = (n_from * cos_to - n_to * cos_from) / (n_from * cos_to + n_to * cos_from)
+    return 0.5 * (s * s + p * p), cos_to
+
+
+@njit(cache=True, nogil=True)
+def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bins):  # type: ignore[no-untyped-def]
+    """Sums of the weights, and of their squares, that leave through each annulus.
+
+    Parameters
+    ----------
+    seed : uint64
+    photons : int
+        Perpendicular packets of weight 1 that have already entered the top face at the origin.
+    face : ndarray of shape (L + 1,)
+        Depths of the faces, mm; the last may be infinite.
+    sigma_t, albedo, g : ndarray of shape (L,)
+        Per layer: extinction 1/mm, single-scattering albedo, Henyey-Greenstein mean cosine.
+    index : ndarray of shape (L + 2,)
+        Refractive indices, with the outside above and below.
+    log_first, per_log, bins
+        Disc of radius exp(log_first), then `per_log` annuli an e-fold; the last of `bins` holds all beyond.
+
+    Returns
+    -------
+    ndarray of shape (2, 2, bins)
+        [above or below, sum w or sum w^2, annulus].
+    ndarray of shape (2,)
+        Weight that left below without scattering, weight lost to the limit of events.
+
+    References
+    ----------
+    [Wang1995]
+    """
+    tally = np.zeros((2, 2, bins))
+    other = np.zeros(2)
+    layers = len(sigma_t)
+    state = _mixed(seed + _GOLDEN)
+    for _ in range(photons):
+        x, y, z = 0.0, 0.0, 0.0
+        ux, uy, uz = 0.0, 0.0, 1.0
+        weight = 1.0
+        layer = 0
+        events = 0
+        leaves = -1
+        while weight > 0.0:
+            # Optical depth to the next event, spent across as many layers as it lasts
+            state += _GOLDEN
+            depth = -math.log(_uniform(_mixed(state)))
+            while True:
+                if uz > 0.0:
+                    distance = (face[layer + 1] - z) / uz
+                elif uz < 0.0:
+                    distance = (face[layer] - z) / uz
+                else:
+                    distance = np.inf
+                if distance * sigma_t[layer] > depth:
+                    step = depth / sigma_t[layer]
+                    x += ux * step
+                    y += uy * step
+                    z += uz * step
+                    break
+                x += ux * distance
+                y += uy * distance
+                depth -= distance * sigma_t[layer]
+                down = uz > 0.0
+                z = face[layer + 1] if down else face[layer]
+                beyond = layer + 1 if down else layer - 1
+                reflected, cos_to = _fresnel(index[layer + 1], index[beyond + 1], abs(uz))
+                state += _GOLDEN
+                if reflected > 0.0 and _uniform(_mixed(state)) < reflected:
+                    uz = -uz
+                    continue
+                if beyond < 0 or beyond == layers:
+                    leaves = 1 if down else 0
+                    break
+                ratio = index[layer + 1] / index[beyond + 1]
+                ux *= ratio
+                uy *= ratio
+                uz = cos_to if down else -cos_to
+                layer = beyond
+            if leaves >= 0:
+                break
+
+            # Absorb a part, then scatter
+            weight *= albedo[layer]
+            events += 1
+            if events >= MAX_EVENTS:
+                other[1] += weight
+                weight = 0.0
+                break
+            if weight < ROULETTE_BELOW:
+                state += _GOLDEN
+                weight = weight / ROULETTE_SURVIVAL if _uniform(_mixed(state)) < ROULETTE_SURVIVAL else 0.0
+            state += _GOLDEN
+            u = _uniform(_mixed(state))
+            mean = g[layer]
+            if mean == 0.0:
+                cos_theta = 2.0 * u - 1.0
+            else:
+                part = (1.0 - mean * mean) / (1.0 - mean + 2.0 * mean * u)
+                cos_theta = min(1.0, max(-1.0, (1.0 + mean * mean - part * part) / (2.0 * mean)))
+            sin_theta = math.sqrt(1.0 - cos_theta * cos_theta)
+            state += _GOLDEN
+            phi = 2.0 * math.pi * _uniform(_mixed(state))
+            cos_phi, sin_phi = math.cos(phi), math.sin(phi)
+            if abs(uz) > VERTICAL:
+                ux, uy, uz = sin_theta * cos_phi, sin_theta * sin_phi, math.copysign(cos_theta, cos_theta * uz)
+            else:
+                across = math.sqrt(1.0 - uz * uz)
+                vx = sin_theta * (ux * uz * cos_phi - uy * sin_phi) / across + ux * cos_theta
+                vy = sin_theta * (uy * uz * cos_phi + ux * sin_phi) / across + uy * cos_theta
+                uz = -sin_theta * cos_phi * across + uz * cos_theta
+                ux, uy = vx, vy
+                # Keep the direction a unit vector over a million turns
+                scale = 1.5 - 0.5 * (ux * ux + uy * uy + uz * uz)
+                ux *= scale
+                uy *= scale
+                uz *= scale
+
+        if leaves >= 0:
+            if leaves == 1 and events == 0:
+                other[0] += weight
+            radius = math.sqrt(x * x + y * y)
+            k = 0
+            if radius > 0.0:
+                k = max(0, min(bins - 1, math.floor((math.log(radius) - log_first) * per_log) + 1))
+            tally[leaves, 0, k] += weight
+            tally[leaves, 1, k] += weight * weight
+    return tally, other
