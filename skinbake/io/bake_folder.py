@@ -56,7 +56,7 @@ def read_bake_folder(path: Path | str) -> BakeFolder:
     irradiance, visibility = {}, {}
     for tile, file in _tiled(manifest.get("irradiance", ["irradiance.exr"]), spec):
         parts = read_parts(folder / file)
-        irradiance[tile] = _layers(folder / file, parts, names if separate else None)
+        irradiance[tile] = _layers(folder / file, parts, names)
         visibility[tile] = np.stack([_channel(folder / file, parts, LIGHT + name, "visibility") for name in names])
 
     mesh = read_mesh(

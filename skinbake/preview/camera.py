@@ -94,7 +94,8 @@ def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
     ----------
     mesh : SkinMesh
     name : one of VIEWS
-        Whole-head views fit every vertex; close-ups stand before a landmark: the foremost point for nose, lips and
+        Whole-head views fit every vertex of head and neck (of anything, where the mesh has not the size of a head or a
+        bust); close-ups stand before a landmark: the foremost point for nose, lips and
         eyes, the outermost one on the head's left for the ear.
     aspect : float
         Width / height of the frame.
@@ -109,7 +110,7 @@ def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
     positions = mesh.positions_mm[np.unique(mesh.faces)]
     low, high = positions.min(0), positions.max(0)
     if name in ANGLES:
-        return _fitted(positions, Camera((low + high) / 2, 1.0, *ANGLES[name]), aspect)
+        return _fitted(_head(positions), Camera((low + high) / 2, 1.0, *ANGLES[name]), aspect)
 
     landmark, offset, frame_mm, azimuth, elevation = CLOSE_UPS[name]
     diagonal = float(np.linalg.norm(high - low))
@@ -123,6 +124,16 @@ def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
     target = point + scale * np.array(offset)
     distance = scale * frame_mm / min(aspect, 1.0) / 2 / np.tan(np.radians(PORTRAIT_YFOV_DEG) / 2)
     return Camera(target, distance, azimuth, elevation)
+
+
+def _head(positions: Float) -> Float:
+    """Head and neck of a bust: shoulders would make the face small."""
+    low, high = positions.min(0), positions.max(0)
+    if not 150 < np.linalg.norm(high - low) < 1200:
+        return positions
+    skull = positions[positions[:, 1] > high[1] - 120]
+    away = np.linalg.norm(positions[:, ::2] - (skull.min(0) + skull.max(0))[::2] / 2, axis=1)
+    return positions[(positions[:, 1] > high[1] - 290) & (away < 135)]
 
 
 def _fitted(positions: Float, camera: Camera, aspect: float, margin: float = 1.08) -> Camera:

@@ -107,7 +107,7 @@ class Studio:
         renderer, (width, height) = self._renderer, size
         self._platform.make_current()
         renderer.mode = mode or Mode()
-        renderer.gains_rgb = gains_rgb(self.scene.lights, light_gains)
+        renderer.gains_rgb = gains_rgb(self.scene, light_gains)
         renderer.gbuffer = geometry
         want = (width * supersample, height * supersample, GBUFFER_ATTACHMENTS if geometry else 1)
         target = renderer.target

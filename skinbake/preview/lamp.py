@@ -9,6 +9,7 @@ import numpy as np
 
 from skinbake.errors import InputError
 from skinbake.numerics import Float, normalized
+from skinbake.preview.scene import PreviewScene
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, LightSpec, PointLight, RectangleLight, SpotLight
 
 DIRECTIONAL, POINT, SPOT, FACET, ENVIRONMENT = range(5)  # as in shaders/skin.frag
@@ -77,14 +78,17 @@ def lamps(lights: Sequence[LightSpec]) -> tuple[Lamp, ...]:
 Gains = Mapping[str, "float | Sequence[float]"]
 
 
-def gains_rgb(lights: Sequence[LightSpec], gains: Gains | None) -> Float:
+def gains_rgb(scene: PreviewScene, gains: Gains | None) -> Float:
     """Factor on each light, shape (L, 3): 1 where `gains` does not name it.
 
     Raises
     ------
     InputError
-        A name that is no light of the look, or a gain that is negative or not finite.
+        A name that is no light of the look, a gain that is negative or not finite, or a bake that summed its lights.
     """
+    lights = scene.lights
+    if gains and not scene.separate:
+        raise InputError("lights: this bake summed its lights; bake with output.lights: separate to change them live")
     rgb = np.ones((len(lights), 3))
     names = [light.name for light in lights]
     for name, gain in (gains or {}).items():

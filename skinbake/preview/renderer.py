@@ -150,7 +150,7 @@ class SkinRenderer(Renderer):
             "DECLARE_LOBES": "".join(f"uniform sampler2DArray lobe_{i};\n" for i in lobes),
             "SUM_OF_LOBES": " + ".join(terms),
             "N_LOBES": str(len(self.skin.lobes)),
-            "N_LAYERS": str(len(self.skin.lights) if self.skin.separate else 1),
+            "N_LAYERS": str(len(self.skin.lights) if self.skin.separate or self.mode.name == "none" else 1),
             "N_LIGHTS": str(len(self._lamps)),
             "TILE_NUMBER": f"{tile}.0",
         } | {name: "1" for name, on in switches.items() if on}
@@ -162,11 +162,10 @@ class SkinRenderer(Renderer):
         lights = np.array([lamp.light for lamp in self._lamps], np.int32)
         colors = np.array([lamp.color_rgb for lamp in self._lamps]) * gains[lights]
         self._set(program, "lobe_weight", weights)
-        self._set(program, "layer_gain", gains if skin.separate else np.ones((1, 3)))
+        self._set(program, "layer_gain", gains if skin.separate or mode.name == "none" else gains[:1])
         self._set(program, "total_weight", skin.total_weight_rgb[None])
         self._set(program, "light_kind", np.array([lamp.kind for lamp in self._lamps], np.int32))
         self._set(program, "light_layer", lights)
-        self._set(program, "light_color_layer", lights if skin.separate else np.zeros_like(lights))
         self._set(program, "light_at", np.array([lamp.at for lamp in self._lamps]))
         self._set(program, "light_axis", np.array([lamp.axis for lamp in self._lamps]))
         self._set(program, "light_cosines", np.array([lamp.cosines for lamp in self._lamps]))

@@ -53,7 +53,7 @@ class PreviewScene:
     energy_conservation : bool
         Whether the irradiance lost what the oil reflects; the way out then loses it as well, THEORY (7.1).
     separate : bool
-        False where the bake stored all lights summed: textures then have one layer, and lights no gains of their own.
+        False where the bake stored all lights summed: lobes then have one layer, and lights no gains of their own.
     """
 
     mesh: SkinMesh
@@ -68,14 +68,13 @@ class PreviewScene:
     separate: bool = True
 
     def __post_init__(self) -> None:
-        layers = len(self.lights) if self.separate else 1
         textures = [(f"lobe {i}", lobe.rgb, 4) for i, lobe in enumerate(self.lobes)]
         textures += [("irradiance", self.irradiance, 4), ("visibility", self.visibility, 3)]
         for name, tiles, axes in textures:
             for tile, texture in tiles.items():
-                per_light = len(self.lights) if name == "visibility" else layers
-                if texture.ndim != axes or len(texture) != per_light or (axes == 4 and texture.shape[3] != 3):
-                    form = f"({per_light}, h, w, 3)" if axes == 4 else f"({per_light}, h, w)"
+                layers = 1 if name.startswith("lobe") and not self.separate else len(self.lights)
+                if texture.ndim != axes or len(texture) != layers or (axes == 4 and texture.shape[3] != 3):
+                    form = f"({layers}, h, w, 3)" if axes == 4 else f"({layers}, h, w)"
                     raise ValueError(f"{name}, tile {tile}: expected shape {form}, got {texture.shape}")
         if not self.lobes or not self.lights:
             raise ValueError("PreviewScene: expected at least one lobe and one light")

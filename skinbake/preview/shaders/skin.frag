@@ -32,7 +32,6 @@ uniform float strength;
 
 uniform int light_kind[N_LIGHTS];
 uniform int light_layer[N_LIGHTS];
-uniform int light_color_layer[N_LIGHTS];
 uniform vec3 light_at[N_LIGHTS];     // position, or unit vector towards a directional light
 uniform vec3 light_axis[N_LIGHTS];
 uniform vec2 light_cosines[N_LIGHTS]; // of a spot's outer and inner angle
@@ -156,7 +155,7 @@ void main()
 #ifdef HAS_ENVIRONMENT
         if (light_kind[i] == ENVIRONMENT) {
             // As if what arrives came evenly from everywhere
-            vec3 arriving = texture(irradiance, vec3(frag_uv, light_color_layer[i])).rgb;
+            vec3 arriving = texture(irradiance, vec3(frag_uv, light_layer[i])).rgb;
             color += light_color[i] * arriving / PI * reflected;
             continue;
         }
