@@ -16,7 +16,7 @@ from skinbake.profile.medium import Medium
 ThinLayers = Literal["guarded", "ballistic", "continued"]
 
 # Thickness, in free paths, below which unscattered light is counted. Totals of the published three-layer skin (0.6 to 1
-# free paths of upper dermis) against Monte Carlo: guarded +3 -1 +3 %, ballistic +2 -3 +2 %, plain exp(-depth) 0 -8 -4 %.
+# free paths of upper dermis) against Monte Carlo: guarded +3 -1 +3 %, ballistic +2 -3 +2 %, bare exp(-depth) 0 -8 -4 %.
 THIN = {"guarded": 0.5, "ballistic": 1.0}
 
 Array = NDArray[Any]  # float64 on the real frequency axis, complex128 on the contour of hankel.py
@@ -43,7 +43,7 @@ def per_channel(value: Array, like: Array) -> Array:
 
 
 def slab(
-    medium: Medium, thickness_mm: float, top: float, bottom: float, s_per_mm: Array, guard: bool = True
+    medium: Medium, thickness_mm: float, top: float, bottom: float, s_per_mm: Array, thin: ThinLayers = "guarded"
 ) -> Response:
     """Response of a slab, THEORY (3.5), (3.6) and (3.8): exact sum of infinitely many dipoles, free of overflow.
 
