@@ -23,7 +23,7 @@ def mapped_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps, smooth: 
     smooth : ndarray of shape (H, W, 3)
         Unit interpolated normals.
     """
-    if raster.tile not in maps.normal or maps.normal_strength == 0 and maps.normal_space == "tangent":
+    if raster.tile not in maps.normal or (maps.normal_strength == 0 and maps.normal_space == "tangent"):
         return smooth
     values = sample_map(raster, mesh, maps.normal, (0.0, 0.0, 1.0))
     if maps.normal_space == "object":
@@ -85,7 +85,8 @@ def _tilt(
             length = np.sqrt(tx * tx + ty * ty + tz * tz)
             x, y, z = values[row, col, 0] * strength, values[row, col, 1] * strength, np.float64(values[row, col, 2])
             if length < 1e-12 or z <= 0.0:  # no frame, or an unpainted texel
-                x, y, z, length = 0.0, 0.0, 1.0, 1.0
+                x, y, z = 0.0, 0.0, 1.0
+                length = max(length, 1.0)
             tx, ty, tz = tx / length, ty / length, tz / length
             # Growing v: n x t, turned round where the chart is mirrored
             side = handedness[f]

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -17,10 +18,12 @@ Vectors = NDArray[np.float32]
 
 
 class Occluder:
-    """The mesh in embree, millimetres about `centre_mm` so that float32 spends its digits on the head.
+    """The smooth surface of a mesh in embree, millimetres about `centre_mm` so that float32 spends its digits on the head.
 
     Attributes
     ----------
+    surface : SmoothSurface
+        What the rays meet.
     centre_mm : ndarray of shape (3,)
         All origins are given relative to it.
     spacing_mm : float
@@ -31,12 +34,13 @@ class Occluder:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
-        low, high = mesh.positions_mm.min(axis=0), mesh.positions_mm.max(axis=0)
+        self.surface = smooth_surface(mesh)
+        low, high = self.surface.positions_mm.min(axis=0), self.surface.positions_mm.max(axis=0)
         self.centre_mm: Float = (low + high) / 2
-        positions = np.ascontiguousarray(mesh.positions_mm - self.centre_mm, dtype=np.float32)
+        positions = np.ascontiguousarray(self.surface.positions_mm - self.centre_mm, dtype=np.float32)
         self.spacing_mm = float(np.spacing(np.abs(positions).max()))
         self._scene = EmbreeScene(robust=True)
-        self._triangles = TriangleMesh(self._scene, positions, np.ascontiguousarray(mesh.faces, dtype=np.int32))
+        self._triangles = TriangleMesh(self._scene, positions, self.surface.faces)
         nothing = np.zeros((1, 3), np.float32)
         self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
 

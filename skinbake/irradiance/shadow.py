@@ -19,17 +19,24 @@ CHUNK = 1 << 20  # rays in memory at a time
 def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing: NDArray[np.bool_]) -> Image:
     """Unshadowed share of a light of one direction, shape (H, W); 0 where the skin faces away.
 
-    One ray a texel, coarse; then `EDGE_GRID`^2 rays in every texel that differs from one of its eight neighbours. An
-    edge is thus resolved to a sixteenth of a texel, and only a feature narrower than a texel can be missed.
+    Coarse to fine: one ray in every second texel of every second row; then in the texels between, unless all of the
+    first ones within two texels agree; then `EDGE_GRID`^2 rays in every texel that differs from one of its eight
+    neighbours. An edge is thus resolved to a sixteenth of a texel, and only a feature narrower than two texels, with
+    none of its edges seen anywhere near, can be missed.
     """
     height, width = facing.shape
     lit = np.zeros((height, width), np.float32)
     flat = lit.reshape(-1)
     origin = surface.origin.reshape(-1, 3)
-    texels = np.flatnonzero(facing)
-    for start in range(0, len(texels), CHUNK):
-        part = texels[start : start + CHUNK]
-        flat[part] = _clear(occluder, source, origin[part])
+
+    def trace(texels: NDArray[np.int64]) -> None:
+        for start in range(0, len(texels), CHUNK):
+            part = texels[start : start + CHUNK]
+            flat[part] = _clear(occluder, source, origin[part])
+
+    rows, cols = np.nonzero(facing[::2, ::2])
+    trace(2 * rows * width + 2 * cols)
+    trace(np.flatnonzero(_fill_between(facing, lit)))
 
     edges = np.flatnonzero(_differs(lit, facing))
     refined = np.empty(len(edges), np.float32)
@@ -47,6 +54,30 @@ def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[np.bool_
     direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
     aim(source, origin, direction, reach)
     return ~occluder.occluded(origin, direction, reach)
+
+
+@njit(cache=True, parallel=True)
+def _fill_between(facing: NDArray[np.bool_], lit: Image) -> NDArray[np.bool_]:
+    """Fill texels between traced ones that agree; give those where they do not."""
+    height, width = facing.shape
+    open_texels = np.zeros((height, width), dtype=np.bool_)
+    for row in prange(height):
+        for col in range(width):
+            if not facing[row, col] or (row % 2 == 0 and col % 2 == 0):
+                continue
+            low, high, known = np.float32(1.0), np.float32(0.0), True
+            # Traced texels within two rows and columns: those of even address
+            for r in range(row - 2 + row % 2, row + 3, 2):
+                for c in range(col - 2 + col % 2, col + 3, 2):
+                    if r < 0 or c < 0 or r >= height or c >= width or not facing[r, c]:
+                        known = False
+                    else:
+                        low, high = min(low, lit[r, c]), max(high, lit[r, c])
+            if known and low == high:
+                lit[row, col] = low
+            else:
+                open_texels[row, col] = True
+    return open_texels
 
 
 @njit(cache=True, parallel=True)

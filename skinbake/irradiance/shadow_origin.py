@@ -1,7 +1,7 @@
 """Where a shadow ray starts: on the smooth surface that the vertex normals imply, not on the flat triangle.
 
-A coarse triangle lit at a grazing angle shadows itself by whole facets. Each corner's tangent plane says how far the
-smooth surface bulges above a point of the facet; their blend is where the point would be [Hanika2021].
+However fine, a facet lit at a grazing angle is shadowed by its neighbours. Each corner's tangent plane says how far the
+smooth surface bulges above a point of the facet; their blend is where the ray can start [Hanika2021].
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
+from skinbake.irradiance.smooth_surface import descend
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
@@ -48,6 +49,7 @@ def bulge(
 def place(
     face_index: NDArray[np.int32],
     barycentric: Image,
+    levels: int,
     corners: Float,
     normals: Float,
     lift: Float,
@@ -58,9 +60,9 @@ def place(
 
     Parameters
     ----------
-    corners, normals : ndarrays of shape (F, 3, 3)
-        Positions about the occluder's centre, and unit shading normals.
-    lift : ndarray of shape (F, 3)
+    levels, corners, normals : int and ndarrays of shape (F 4^levels, 3, 3)
+        Of the smooth surface: positions about the occluder's centre, and unit normals.
+    lift : ndarray of shape (F 4^levels, 3)
         Step off the facet that round-off asks for.
     point, offset : ndarrays of shape (H, W, 3), written
         `point` is already lifted.
@@ -72,6 +74,7 @@ def place(
             if f == NO_FACE:
                 continue
             b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+            f, b1, b2 = descend(f, b1, b2, levels)
             px, py, pz = facet_point(corners, f, b1, b2)
             dx, dy, dz = bulge(corners, normals, f, b1, b2, px, py, pz)
             point[row, col, 0] = px + lift[f, 0]
@@ -87,6 +90,7 @@ def place_inside_texels(
     face_index: NDArray[np.int32],
     barycentric: Image,
     per_texel: Float,
+    levels: int,
     corners: Float,
     normals: Float,
     lift: Float,
@@ -107,15 +111,16 @@ def place_inside_texels(
     out = np.empty((len(texels), grid * grid, 3), dtype=np.float32)
     for i in prange(len(texels)):
         row, col = texels[i] // width, texels[i] % width
-        f = face_index[row, col]
+        face = face_index[row, col]
         for s in range(grid * grid):
             step_x, step_y = (s % grid + 0.5) / grid - 0.5, (s // grid + 0.5) / grid - 0.5
-            b1 = barycentric[row, col, 0] + step_x * per_texel[f, 0, 0] + step_y * per_texel[f, 1, 0]
-            b2 = barycentric[row, col, 1] + step_x * per_texel[f, 0, 1] + step_y * per_texel[f, 1, 1]
+            b1 = barycentric[row, col, 0] + step_x * per_texel[face, 0, 0] + step_y * per_texel[face, 1, 0]
+            b2 = barycentric[row, col, 1] + step_x * per_texel[face, 0, 1] + step_y * per_texel[face, 1, 1]
             # Beyond the triangle's edge: its closest corner mix, at most a texel away
             b1, b2 = min(max(b1, 0.0), 1.0), min(max(b2, 0.0), 1.0)
             if b1 + b2 > 1.0:
                 b1, b2 = b1 / (b1 + b2), b2 / (b1 + b2)
+            f, b1, b2 = descend(face, b1, b2, levels)
             px, py, pz = facet_point(corners, f, b1, b2)
             dx, dy, dz = 0.0, 0.0, 0.0
             if not on_facet[row, col]:

@@ -11,7 +11,7 @@ from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, sample_m
 from skinbake.irradiance.normal_map import mapped_normals
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.shadow_origin import place, place_inside_texels
-from skinbake.numerics import Float, safe_div
+from skinbake.numerics import Float, normalized, safe_div
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SpecularSpec
@@ -19,7 +19,7 @@ from skinbake.scene.spec import SpecularSpec
 Image = NDArray[np.float32]
 TEXEL_SHARE = 0.01  # of a texel, by which a ray starts above its facet
 SPACINGS = 16  # float32 spacings, the same
-WORTH_CHECKING = 0.05  # of a texel: a shorter way to the smooth surface cannot cross anything
+WORTH_CHECKING = 0.25  # of a texel: a shorter way to the smooth surface cannot cross anything
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class TexelSurface:
         Unit, with and without the normal map; the same array where there is none.
     roughness, strength : ndarrays of shape (H, W) or (1, 1), float32
         Beckmann m, and rho_s times the specular map.
-    corners, normals, lift, per_texel : ndarrays by face
+    levels, corners, normals, lift : int and ndarrays by triangle of the smooth surface
+    per_texel : ndarray by face
         For points inside a texel, see `origins_inside`.
     on_facet : ndarray of shape (H, W), bool
         Where another surface bars the way to the smooth surface.
@@ -50,6 +51,7 @@ class TexelSurface:
     smooth_normal: Image
     roughness: Image
     strength: Image
+    levels: int
     corners: Float
     normals: Float
     lift: Float
@@ -64,6 +66,7 @@ class TexelSurface:
             self.raster.face_index,
             self.raster.barycentric,
             self.per_texel,
+            self.levels,
             self.corners,
             self.normals,
             self.lift,
@@ -76,16 +79,17 @@ def texel_surface(
 ) -> TexelSurface:
     """Gather it once a tile; every light uses it."""
     height, width = raster.shape
-    corners = mesh.corner_position_mm - occluder.centre_mm
-    facing = mesh.face_normal
-    facing = facing * np.where(np.einsum("fi,fki->f", facing, mesh.corner_normal) < 0, -1.0, 1.0)[:, None]
+    fine = occluder.surface
+    corners = fine.positions_mm[fine.faces] - occluder.centre_mm
+    facing = normalized(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    facing *= np.where(np.einsum("fi,fki->f", facing, fine.corner_normal) < 0, -1.0, 1.0)[:, None]
     texel_mm = face_mm_per_texel(mesh, (width, height)).min(axis=1)
     step_mm = TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
-    lift = facing * step_mm[:, None]
+    lift = facing * np.repeat(step_mm, 4**fine.levels)[:, None]
 
     point = np.zeros((height, width, 3), np.float32)
     offset = np.zeros((height, width, 3), np.float32)
-    place(raster.face_index, raster.barycentric, corners, mesh.corner_normal, lift, point, offset)
+    place(raster.face_index, raster.barycentric, fine.levels, corners, fine.corner_normal, lift, point, offset)
     on_facet = _barred(raster, point, offset, texel_mm, occluder)
     offset[on_facet] = 0
     np.add(point, offset, out=offset)
@@ -101,8 +105,9 @@ def texel_surface(
         smooth,
         _map_or_constant(raster, mesh, maps.roughness, specular.roughness),
         np.float32(specular.strength) * _map_or_constant(raster, mesh, maps.specular, 1.0),
+        fine.levels,
         corners,
-        mesh.corner_normal,
+        fine.corner_normal,
         lift,
         _barycentrics_per_texel(mesh, width, height),
         on_facet,
