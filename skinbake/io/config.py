@@ -31,7 +31,7 @@ def load_look(path: Path | str, overrides: Sequence[str] = (), out: Path | str |
     """
     located = _prepared(path, overrides)
     if out is not None:
-        _put(located, "output.dir", str(Path(out).absolute()), "--out")
+        put(located, "output.dir", str(Path(out).absolute()), "--out")
     return parse_look(located)
 
 
@@ -62,7 +62,7 @@ def _prepared(path: Path | str, overrides: Sequence[str], whole: bool = True) ->
         located = Located({"skin": located.value}, {("skin", *key): place for key, place in located.places.items()})
     resolve_paths(located, Path(path).absolute().parent)
     apply_overrides(located, overrides)
-    _merge_preset(located, Path(path).absolute().parent)
+    merge_preset(located, Path(path).absolute().parent)
     return located
 
 
@@ -76,13 +76,20 @@ def apply_overrides(located: Located, overrides: Iterable[str]) -> None:
             parsed = parse_value(value)
         except Exception as error:  # any YAML fault: the message names the option
             raise ConfigError([f"--set {text}: expected a YAML value, got {value!r}"]) from error
-        _put(located, name.strip(), parsed, f"--set {name.strip()}")
+        put(located, name.strip(), parsed, f"--set {name.strip()}")
         resolve_paths(located, Path.cwd(), only=f"--set {name.strip()}")
 
 
-def _put(located: Located, name: str, value: Any, place: str) -> None:
+def put(located: Located, name: str, value: Any, place: str) -> None:
+    """Set a dotted key in place, lists by index or by name; `place` is said of it in messages.
+
+    Raises
+    ------
+    ConfigError
+        There is no such item.
+    """
     parts = [part for part in re.split(r"[.\[\]]+", name) if part]
-    target, key = located.value, ()
+    target, key = located.value, tuple[str | int, ...]()
     for i, part in enumerate(parts):
         index: str | int = part
         if isinstance(target, list):
@@ -145,19 +152,20 @@ def _absolute(text: str, base: Path) -> Path:
     return Path(os.path.normpath(base / Path(_VARIABLE.sub(variable, text)).expanduser()))
 
 
-def preset_folders(beside: Path) -> list[Path]:
+def preset_folders(*beside: Path) -> list[Path]:
     """Where named skins are looked up: `skins/` beside the look, the installed ones, the repository's."""
     package = Path(__file__).parent.parent
-    return [beside / "skins", package / "skins", package.parent / "configs" / "skins"]
+    return [*(folder / "skins" for folder in beside), package / "skins", package.parent / "configs" / "skins"]
 
 
-def _merge_preset(located: Located, beside: Path) -> None:
+def merge_preset(located: Located, *beside: Path) -> None:
+    """Put the medium that `skin.preset` names under the other keys of `skin`, looked up in `skins/` of each folder."""
     skin = located.value.get("skin")
     if not isinstance(skin, dict) or "preset" not in skin:
         return
     name = skin.pop("preset")
     place = f"{located.place(('skin', 'preset'))}: skin.preset"
-    folders = [folder for folder in preset_folders(beside) if folder.is_dir()]
+    folders = [folder for folder in preset_folders(*beside) if folder.is_dir()]
     known = sorted({file.stem for folder in folders for file in folder.glob("*.yaml")})
     if name not in known:
         raise ConfigError([f"{place}: expected one of {', '.join(known)}, got {name!r}"])

@@ -1,0 +1,138 @@
+"""Batch files: many looks from one YAML file, every fault with its line and the jobs it concerns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skinbake.errors import ConfigError
+from skinbake.io.config import apply_overrides, merge_preset, parse_look, put, resolve_paths
+from skinbake.io.merge import lay_over, part_of
+from skinbake.io.yaml_lines import Located, dotted, read_yaml
+from skinbake.scene.batch import BatchSpec, PlannedJob, expand
+from skinbake.scene.parse import parse
+from skinbake.scene.spec import SceneSpec
+
+BASE = "base"
+
+
+@dataclass(frozen=True)
+class BatchJob:
+    """One look of a batch. `choices` says which option of each axis of the matrix it is made of."""
+
+    name: str
+    spec: SceneSpec
+    choices: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A batch file's looks, and the folder that holds theirs."""
+
+    path: Path
+    folder: Path
+    jobs: tuple[BatchJob, ...]
+
+
+def load_batch(path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None) -> Batch:
+    """Read a batch file; `overrides` (`dotted.key=value`) go over every look, `out` replaces `output.dir`.
+
+    Raises
+    ------
+    InputError, ConfigError
+        With a line for each fault, told once however many jobs it concerns.
+    """
+    path = Path(path)
+    located = read_yaml(path)
+    _name_with_text(located.value)
+    spec = parse(BatchSpec, located.value, lambda key, sentence: _say(located, key, sentence))
+    folder = Path(out).absolute() if out is not None else None
+    jobs, faults = [], dict[str, list[str]]()
+    for plan in expand(spec):
+        try:
+            look = _look(located, plan, path.absolute().parent, overrides, folder)
+            folder = folder or Path(look.output.dir)
+            inside = look.output.model_copy(update={"dir": str(folder / plan.name)})
+            jobs.append(BatchJob(plan.name, look.model_copy(update={"output": inside}), plan.choices))
+        except ConfigError as error:
+            for fault in error.faults:
+                faults.setdefault(fault, []).append(plan.name)
+    if faults:
+        raise ConfigError([f"{fault} ({_in_jobs(names)})" for fault, names in faults.items()])
+    assert folder is not None
+    return Batch(path, folder, tuple(jobs))
+
+
+def _look(located: Located, plan: PlannedJob, folder: Path, overrides: Sequence[str], out: Path | None) -> SceneSpec:
+    """Base, defaults, then the job's overrides from left to right."""
+    defaults = part_of(located, ("defaults",)) if located.value.get("defaults") else Located({})
+    own = [part_of(located, key) for key in plan.overrides if _value_at(located.value, key) is not None]
+    for layer in own:
+        if "output.dir" in layer.value or "dir" in (layer.value.get("output") or {}):
+            place = layer.place(("output", "dir"))
+            raise ConfigError([f"{place}: output.dir: expected in defaults only; each job has its own folder in it"])
+    look, beside = Located({}, {(): located.place(())}), [folder]
+    named = [layer for layer in (defaults, *own) if BASE in layer.value]
+    if named:
+        look, from_folder = _base(named[-1], folder)
+        beside.append(from_folder)
+    for layer in (defaults, *own):
+        look = _with(look, layer)
+    resolve_paths(look, folder)
+    apply_overrides(look, overrides)
+    if out is not None:
+        put(look, "output.dir", str(out), "--out")
+    merge_preset(look, *beside)
+    return parse_look(look)
+
+
+def _with(look: Located, layer: Located) -> Located:
+    """A layer over a look; a dotted key (`lights.key.intensity`) reaches into lists by index or by name."""
+    plain = {key: value for key, value in layer.value.items() if "." not in key and key not in (BASE, "name")}
+    look = lay_over(look, Located(plain, layer.places))
+    for key, value in layer.value.items():
+        if "." in key:
+            put(look, key, value, layer.place((key,)))
+    return look
+
+
+def _base(layer: Located, folder: Path) -> tuple[Located, Path]:
+    """The look file that `base` names, its paths made absolute from where it lies."""
+    name, place = layer.value[BASE], f"{layer.place((BASE,))}: {BASE}"
+    if not isinstance(name, str):
+        raise ConfigError([f"{place}: expected the path of a look file, got {name!r}"])
+    path = folder / name
+    if not path.is_file():
+        raise ConfigError([f"{place}: expected a look file, found none at {path}"])
+    located = read_yaml(path)
+    resolve_paths(located, path.absolute().parent)
+    if isinstance(located.value.get("output"), dict):
+        located.value["output"].pop("dir", None)  # the batch says where
+    return located, path.absolute().parent
+
+
+def _value_at(value: Any, key: tuple[str | int, ...]) -> Any:
+    for part in key:
+        value = value[part]
+    return value
+
+
+def _name_with_text(value: dict[str, Any]) -> None:
+    """Options are names: `{1024: ..., 2048: ...}` are two of them."""
+    matrix = value.get("matrix")
+    if not isinstance(matrix, dict):
+        return
+    for axis, options in matrix.items():
+        if isinstance(options, dict):
+            matrix[axis] = {str(option): override for option, override in options.items()}
+
+
+def _say(located: Located, key: tuple[str | int, ...], sentence: str) -> str:
+    return f"{located.place(key)}: {dotted(key)}: {sentence}" if key else f"{located.place(key)}: {sentence}"
+
+
+def _in_jobs(names: list[str]) -> str:
+    shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    return f"job {shown}" if len(names) == 1 else f"jobs {shown}"
