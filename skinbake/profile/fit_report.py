@@ -12,7 +12,7 @@ from skinbake.profile.diffusion_profile import DiffusionProfile
 from skinbake.profile.fit_nodes import FitNodes
 from skinbake.profile.gaussian_sum import GaussianSum
 
-CURVE_POINTS = 120
+CURVE_POINTS = 160
 
 
 @dataclass(frozen=True)

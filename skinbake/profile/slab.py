@@ -71,26 +71,26 @@ def slab(
     length = thickness_mm + zb_top + zb_bottom
     far = thickness_mm - source  # from the source down to the lower face
 
-    def sinh_part(y: Array) -> Array:
+    def scaled_sinh(y: Array) -> Array:
+        """sinh(g y) exp(-g y); 1 less this is cosh(g y) exp(-g y)."""
         return -np.expm1(-2 * g * y) / 2
 
-    def cosh_part(y: Array) -> Array:
-        return (1 + np.exp(-2 * g * y)) / 2
-
-    whole = sinh_part(length)
+    whole = scaled_sinh(length)
     still = whole == 0  # g = 0, where sinh(g y) / sinh(g L) is y / L
     divisor = np.where(still, 1, whole)
-
-    def ratio(y: Array) -> Array:
-        return np.where(still, y / length, sinh_part(y) / divisor)
+    to_source, to_face = np.exp(-g * source), np.exp(-g * far)
+    half_source = scaled_sinh(source / 2)
 
     def one_side(zb_near: Array, zb_far: Array) -> tuple[Array, Array, Array]:
-        remaining = far + zb_far
-        reflected = albedo * cosh_part(zb_near) * ratio(remaining) * np.exp(-g * source)
-        transmitted = albedo * cosh_part(zb_far) * ratio(source + zb_near) * np.exp(-g * far)
+        remaining, before = far + zb_far, zb_near + source
+        sinh_remaining, sinh_before = scaled_sinh(remaining), scaled_sinh(before)
+        share_remaining = np.where(still, remaining / length, sinh_remaining / divisor)
+        share_before = np.where(still, before / length, sinh_before / divisor)
+        reflected = albedo * (1 - scaled_sinh(zb_near)) * share_remaining * to_source
+        transmitted = albedo * (1 - scaled_sinh(zb_far)) * share_before * to_face
         # 1 - R as a sum of positive terms (3.8)
-        escaping = ratio(zb_near + source) * cosh_part(remaining)
-        escaping = escaping + 2 * ratio(remaining) * sinh_part(zb_near + source / 2) * sinh_part(source / 2)
+        escaping = share_before * (1 - sinh_remaining)
+        escaping = escaping + 2 * share_remaining * scaled_sinh(zb_near + source / 2) * half_source
         return reflected, transmitted, absorbed + albedo * escaping
 
     down_r, down_t, down_loss = one_side(zb_top, zb_bottom)

@@ -1,0 +1,93 @@
+"""Writing profiles and fits: JSON, CSV, and the plot."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinbake.io.atomic import atomic_write, write_text
+from skinbake.profile import Evaluated, FitReport
+
+
+def profile_record(values: Evaluated) -> dict[str, Any]:
+    """A profile at some radii as plain lists, keys as the `profile` verb prints them."""
+    record = {
+        "model": values.model,
+        "radius_mm": values.radius_mm.tolist(),
+        "reflectance_per_mm2": values.reflectance_per_mm2.tolist(),
+        "transmittance_per_mm2": values.transmittance_per_mm2.tolist(),
+        "total_reflectance": values.total_reflectance.tolist(),
+        "total_transmittance": values.total_transmittance.tolist(),
+        "sharp_transmittance": values.sharp_transmittance.tolist(),
+    }
+    if values.stderr_per_mm2 is not None and values.total_stderr is not None:
+        record["stderr_per_mm2"] = values.stderr_per_mm2.tolist()
+        record["total_stderr"] = values.total_stderr.tolist()
+    return record
+
+
+def profile_csv(values: Evaluated) -> str:
+    """A profile at some radii as CSV: r_mm, R, G, B, then transmittance and, for transport, standard errors."""
+    header = ["r_mm", "R", "G", "B", "T_R", "T_G", "T_B"]
+    columns = [values.radius_mm[:, None], values.reflectance_per_mm2, values.transmittance_per_mm2]
+    if values.stderr_per_mm2 is not None:
+        header += ["stderr_R", "stderr_G", "stderr_B"]
+        columns.append(values.stderr_per_mm2)
+    return _csv(header, np.hstack(columns))
+
+
+def fit_record(report: FitReport) -> dict[str, Any]:
+    """A fit as plain lists: what profile.json holds."""
+    gaussians = report.gaussians
+    return {
+        "variance_mm2": gaussians.variance_mm2.tolist(),
+        "weight_rgb": gaussians.weight_rgb.tolist(),
+        "relative_error_rgb": report.relative_error_rgb.tolist(),
+        "energy_rgb": report.energy_rgb.tolist(),
+        "energy_ratio_rgb": report.energy_ratio_rgb.tolist(),
+        "condition_number": report.condition_number,
+        "largest_residual_rgb": report.largest_residual_rgb.tolist(),
+        "largest_residual_radius_mm": report.largest_residual_radius_mm.tolist(),
+        "model": gaussians.model,
+        "normalise": gaussians.normalise,
+        "tolerance": report.tolerance,
+        "tolerance_met": report.tolerance_met,
+    }
+
+
+def fit_csv(report: FitReport) -> str:
+    """Model (R, G, B) and fit (fit_R, fit_G, fit_B) at the plot's radii, in the unit of the fit, readable as a table."""
+    curve = report.curve
+    header = ["r_mm", "R", "G", "B", "fit_R", "fit_G", "fit_B"]
+    return _csv(header, np.hstack([curve.radius_mm[:, None], curve.model_rgb, curve.fit_rgb]))
+
+
+def write_fit(report: FitReport, folder: Path | str, extra: dict[str, Any] | None = None) -> list[Path]:
+    """Write profile.json, profile.csv and profile.png, each whole or not at all; `extra` goes into the JSON.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `atomic_write`.
+    """
+    from skinbake.io.profile_plot import fit_figure
+
+    folder = Path(folder)
+    written = [folder / f"profile.{kind}" for kind in ("json", "csv", "png")]
+    write_text(written[0], as_json(fit_record(report) | (extra or {})))
+    write_text(written[1], fit_csv(report))
+    with atomic_write(written[2]) as temporary:
+        fit_figure(report).savefig(temporary, dpi=150, metadata={"Software": None})
+    return written
+
+
+def as_json(record: dict[str, Any]) -> str:
+    """Indented JSON with a last newline; NaN and infinity are errors."""
+    return json.dumps(record, indent=2, allow_nan=False) + "\n"
+
+
+def _csv(header: list[str], rows: np.ndarray) -> str:
+    return "\n".join([",".join(header), *(",".join(f"{value:.12g}" for value in row) for row in rows)]) + "\n"

@@ -1,0 +1,100 @@
+"""The plot of a fit: r R(r) against r for each channel, and the residual below."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skinbake.numerics import gaussian_2d
+from skinbake.profile import FitReport
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NAMES = ("red", "green", "blue")
+COLOURS = ("#b5352c", "#2c7a4b", "#2a5c9e")
+INK, PALE = "#1d1d1f", "#c9c9ce"
+LABELLED = 0.005  # Gaussians with a smaller share of their channel's light are drawn but not named
+
+
+def fit_figure(report: FitReport) -> Figure:
+    """Three columns, one a channel: model broad and pale, fit dashed, Gaussians thin and named; no pyplot state.
+
+    Line widths and dashes tell the curves apart, so that the plot can be read without colour.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patheffects import withStroke
+
+    curve, gaussians = report.curve, report.gaussians
+    r = curve.radius_mm
+    figure = Figure(figsize=(12.6, 5.6), layout="constrained", facecolor="white")
+    axes = figure.subplots(2, 3, sharex=True, sharey="row", height_ratios=[3.2, 1])
+    peaks = (r[:, None] * curve.model_rgb).max(axis=0)
+    residual = 100 * r[:, None] * (curve.fit_rgb - curve.model_rgb) / np.where(peaks > 0, peaks, 1)
+    for c in range(3):
+        top, below = axes[0, c], axes[1, c]
+        for variance, weight in zip(gaussians.variance_mm2, gaussians.weight_rgb[:, c], strict=True):
+            if variance == 0 or weight == 0:
+                continue
+            lobe = r * weight * gaussian_2d(variance, r)
+            top.fill_between(r, lobe, color=COLOURS[c], alpha=0.10, linewidth=0)
+            top.plot(r, lobe, color=COLOURS[c], linewidth=0.8)
+            share = weight / gaussians.weight_rgb[:, c].sum()
+            if abs(share) > LABELLED:
+                # r G(v, r) peaks at sigma
+                sigma = float(np.sqrt(variance))
+                top.annotate(
+                    f"{sigma:.2g}\n{100 * share:.2g} %", (sigma, lobe[abs(lobe).argmax()]), (0, 4),
+                    textcoords="offset points", ha="center", va="bottom", fontsize=7, linespacing=1.05,
+                    color=COLOURS[c], zorder=5, path_effects=[withStroke(linewidth=2, foreground="white")],
+                )  # fmt: skip
+        top.plot(r, r * curve.model_rgb[:, c], color=PALE, linewidth=5.5, solid_capstyle="round", zorder=1)
+        top.plot(r, r * curve.fit_rgb[:, c], color=INK, linewidth=1.4, dashes=(4, 2))
+        below.axhline(0, color=PALE, linewidth=1)
+        below.fill_between(r, residual[:, c], color=COLOURS[c], alpha=0.18, linewidth=0)
+        below.plot(r, residual[:, c], color=COLOURS[c], linewidth=1)
+        error, energy = 100 * report.relative_error_rgb[c], report.energy_rgb[c]
+        top.set_title(
+            f"{NAMES[c]}    reflects {energy:.3g},  fit error {error:.2g} %", loc="left", fontsize=10.5, color=INK
+        )
+        below.set_xlabel("r, mm")
+        for ax in (top, below):
+            _plain(ax)
+    axes[0, 0].set_xscale("log")
+    axes[0, 0].set_xlim(r[0], r[-1])
+    axes[0, 0].set_ylim(bottom=min(0.0, axes[0, 0].get_ylim()[0]))
+    unit = ", light of a channel = 1" if gaussians.normalise == "white" else ""
+    axes[0, 0].set_ylabel(f"r R(r), 1/mm{unit}")
+    axes[1, 0].set_ylabel("residual,\n% of peak")
+    limit = max(1.15 * float(np.abs(residual).max()), 1e-3)
+    axes[1, 0].set_ylim(-limit, limit)
+    _legend(figure, report)
+    return figure
+
+
+def _legend(figure: Figure, report: FitReport) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    count = len(report.gaussians.variance_mm2)
+    each = f"its {count} Gaussian{'s' * (count > 1)}: sigma in mm, share of the light"
+    figure.legend(
+        handles=[
+            Line2D([], [], color=PALE, linewidth=5.5, label=f"model: {report.gaussians.model}"),
+            Line2D([], [], color=INK, linewidth=1.4, dashes=(4, 2), label="fit"),
+            Patch(facecolor="#8a8a90", alpha=0.35, edgecolor="#55555a", label=each),
+        ],
+        loc="outside upper left",
+        ncols=3,
+        frameon=False,
+        fontsize=9.5,
+    )
+
+
+def _plain(ax: Any) -> None:
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.spines[["left", "bottom"]].set_color("#8a8a90")
+    ax.grid(True, axis="x", color="#ececef", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.tick_params(labelsize=9, colors="#3a3a3d")

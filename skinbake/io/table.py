@@ -1,0 +1,54 @@
+"""Reading a tabulated profile."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from skinbake.errors import InputError
+from skinbake.numerics import Float
+
+COLUMNS = ("r_mm", "R", "G", "B")
+
+
+def read_profile_csv(path: Path | str) -> tuple[Float, Float]:
+    """Radii, mm, shape (N,), and R(r), mm^-2, shape (N, 3), of a CSV whose header names r_mm, R, G and B.
+
+    Other columns are ignored, as are empty lines and lines that begin with #.
+
+    Raises
+    ------
+    InputError
+        With file and line: a missing column, a value that is no finite number, radii that do not ascend, too few rows.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not text"
+        raise InputError(f"{path}: expected a CSV file with columns {', '.join(COLUMNS)}, {reason}") from error
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    if not lines:
+        raise InputError(f"{path}: expected a header {','.join(COLUMNS)}, got an empty file")
+    header = [name.strip() for name in next(csv.reader([lines[0][1]]))]
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise InputError(f"{path}:{lines[0][0]}: expected columns {', '.join(COLUMNS)}, missing {', '.join(missing)}")
+    places = [header.index(name) for name in COLUMNS]
+    rows: list[list[float]] = []
+    for number, line in lines[1:]:
+        cells = next(csv.reader([line]))
+        try:
+            row = [float(cells[place]) for place in places]
+        except (ValueError, IndexError) as error:
+            raise InputError(f"{path}:{number}: expected numbers for {', '.join(COLUMNS)}, got {line!r}") from error
+        if not np.isfinite(row).all():
+            raise InputError(f"{path}:{number}: expected finite numbers, got {line!r}")
+        if row[0] < 0 or (rows and row[0] <= rows[-1][0]):
+            raise InputError(f"{path}:{number}: r_mm: expected ascending values >= 0, got {cells[places[0]].strip()}")
+        rows.append(row)
+    if len(rows) < 2:
+        raise InputError(f"{path}: expected at least two rows, got {len(rows)}")
+    table = np.array(rows)
+    return table[:, 0], table[:, 1:]
