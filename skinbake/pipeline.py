@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, rasterize, sample_map
+from skinbake.atlas import Atlas, AtlasRaster, rasterize, sample_map
 from skinbake.diffuse import DiffuseMap, diffuse
 from skinbake.diffuse.diffuse_map import PlanLine
 from skinbake.irradiance import IrradianceMap, light_texels
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
+from skinbake.numerics import Float
 from skinbake.profile import FitReport, GaussianSum, fit_skin
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -47,9 +48,9 @@ class Baked:
     diffuse: DiffuseMap
 
 
-def bake(spec: SceneSpec, scene: SceneData, profile_table: NDArray[np.float64] | None = None) -> Baked:
+def bake(spec: SceneSpec, scene: SceneData, profile_table: tuple[Float, Float] | None = None) -> Baked:
     """The five steps in memory; the verbs run the same steps with files between them."""
-    profile = fit_skin(spec.skin, table=profile_table, seed=spec.output.seed)
+    profile = fit_skin(spec.skin, profile_table)
     atlas = atlas_of(spec, scene.mesh)
     irradiance = light_skin(spec, scene, atlas)
     return Baked(profile, atlas, irradiance, scatter(spec, scene, atlas, irradiance, profile.gaussians))
@@ -104,11 +105,11 @@ def scatter(
     )
 
 
-def albedo_of(maps: SkinMaps, raster: object, exponent: float) -> NDArray[np.float32]:
+def albedo_of(maps: SkinMaps, raster: AtlasRaster, exponent: float) -> NDArray[np.float32]:
     """albedo^exponent at the texels of a tile, shape (H, W, 3), or (3,) where it is the same everywhere."""
     if exponent == 0:
         return np.ones(3, np.float32)
-    image = maps.albedo.get(raster.tile)  # type: ignore[attr-defined]
+    image = maps.albedo.get(raster.tile)
     if image is None:
         return np.asarray(maps.albedo_rgb, np.float32) ** np.float32(exponent)
     albedo = np.maximum(sample_map(image, raster), 0)

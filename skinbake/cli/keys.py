@@ -10,7 +10,7 @@ from skinbake.scene.spec import SceneSpec
 
 def profile_key(spec: SceneSpec, inputs: dict[str, str]) -> str:
     """Of the fitted profile."""
-    return key_of(code_key("profile"), spec.skin.model_dump(mode="json"), spec.output.seed, inputs.get("skin"))
+    return key_of(code_key("profile"), spec.skin.model_dump(mode="json", exclude={"path"}), inputs.get("skin"))
 
 
 def light_key(spec: SceneSpec, inputs: dict[str, str], name: str, energy_conservation: bool) -> str:

@@ -24,7 +24,7 @@ from skinbake.io.exr import as_stored
 from skinbake.io.fingerprint import input_hashes
 from skinbake.io.irradiance import light_keys, read_irradiance, tile_path, write_irradiance
 from skinbake.io.lobes import read_summary, write_lobes
-from skinbake.io.profile import read_fit, write_fit
+from skinbake.io.profile import read_gaussians, write_fit
 from skinbake.io.scene_files import read_scene
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import GaussianSum, fit_skin
@@ -96,15 +96,15 @@ class Stages:
     def profile(self) -> GaussianSum:
         """Fit the skin; writes profile.json, .csv and .png."""
         key = profile_key(self.spec, self.inputs)
-        gaussians = None if self.force else read_fit(self.out / "profile.json", key)
+        gaussians = None if self.force else read_gaussians(self.out / "profile.json", key)
         with self.timed("profile", reused=gaussians is not None):
             if gaussians is None:
                 from skinbake.io.table import read_profile_csv
 
                 path = getattr(self.spec.skin, "path", None)
                 table = read_profile_csv(path) if path else None
-                report = fit_skin(self.spec.skin, table=table, seed=self.spec.output.seed)
-                write_fit(self.out, report, key)
+                report = fit_skin(self.spec.skin, table)
+                write_fit(report, self.out, {"key": key})
                 gaussians = report.gaussians
         return gaussians
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skinbake.io.atomic import atomic_write, write_text
-from skinbake.profile import Evaluated, FitReport
+from skinbake.profile import Evaluated, FitReport, GaussianSum
 
 
 def profile_record(values: Evaluated) -> dict[str, Any]:
@@ -59,7 +59,7 @@ def fit_record(report: FitReport) -> dict[str, Any]:
 
 
 def fit_csv(report: FitReport) -> str:
-    """Model (R, G, B) and fit (fit_R, fit_G, fit_B) at the plot's radii, in the unit of the fit, readable as a table."""
+    """Model (R, G, B) and fit (fit_R, fit_G, fit_B) at the plot's radii, in the unit of the fit; reads back as table."""
     curve = report.curve
     header = ["r_mm", "R", "G", "B", "fit_R", "fit_G", "fit_B"]
     return _csv(header, np.hstack([curve.radius_mm[:, None], curve.model_rgb, curve.fit_rgb]))
@@ -82,6 +82,18 @@ def write_fit(report: FitReport, folder: Path | str, extra: dict[str, Any] | Non
     with atomic_write(written[2]) as temporary:
         fit_figure(report).savefig(temporary, dpi=150, metadata={"Software": None})
     return written
+
+
+def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
+    """The Gaussians of a profile.json that was written under `key`; None where there is none, or an older one."""
+    try:
+        record = json.loads(Path(path).read_text(encoding="utf-8"))
+        if record["key"] != key:
+            return None
+        arrays = [np.array(record[k]) for k in ("variance_mm2", "weight_rgb", "relative_error_rgb", "energy_rgb")]
+        return GaussianSum(*arrays, record["model"], record["normalise"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def as_json(record: dict[str, Any]) -> str:
