@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
 from skinbake.irradiance.emitter import colour, emitter, unshadowed
+from skinbake.irradiance.environment import light_environment
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.numerics import Float
-from skinbake.scene.lights import LightSpec
+from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SpecularSpec
@@ -65,7 +67,14 @@ def light_texels(
         seen = np.empty((len(lights), *raster.shape), np.float32)
         for i, light in enumerate(lights):
             casts = shadows if light.shadows is None else light.shadows
-            _light_one(surface, occluder, light, casts, table, specular.f0, rgb[i], seen[i])
+            if isinstance(light, RectangleLight):
+                arriving, seen[i] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
+                rgb[i] = arriving[..., None] * np.asarray(light.radiance, np.float32)
+            elif isinstance(light, EnvironmentLight):
+                radiance = (environments or {}).get(light.name)
+                rgb[i], seen[i] = light_environment(surface, occluder, light, casts, radiance, table, specular.f0, seed)
+            else:
+                _light_one(surface, occluder, light, casts, table, specular.f0, rgb[i], seen[i])
         maps_out.append(IrradianceMap(raster.tile, tuple(light.name for light in lights), rgb, seen, raster.coverage))
     return tuple(maps_out)
 

@@ -83,10 +83,10 @@ def _tilt(
             along = tx * nx + ty * ny + tz * nz
             tx, ty, tz = tx - along * nx, ty - along * ny, tz - along * nz
             length = np.sqrt(tx * tx + ty * ty + tz * tz)
-            x, y, z = values[row, col, 0] * strength, values[row, col, 1] * strength, np.float64(values[row, col, 2])
+            x, y, z = values[row, col, 0] * strength, values[row, col, 1] * strength, values[row, col, 2]
             if length < 1e-12 or z <= 0.0:  # no frame, or an unpainted texel
-                x, y, z = 0.0, 0.0, 1.0
-                length = max(length, 1.0)
+                out[row, col, 0], out[row, col, 1], out[row, col, 2] = nx, ny, nz
+                continue
             tx, ty, tz = tx / length, ty / length, tz / length
             # Growing v: n x t, turned round where the chart is mirrored
             side = handedness[f]

@@ -18,7 +18,7 @@ Vectors = NDArray[np.float32]
 
 
 class Occluder:
-    """The smooth surface of a mesh in embree, millimetres about `centre_mm` so that float32 spends its digits on the head.
+    """The smooth surface of a mesh in embree, about `centre_mm` so that float32 spends its digits on the head.
 
     Attributes
     ----------

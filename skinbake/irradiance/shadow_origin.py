@@ -73,8 +73,7 @@ def place(
             f = face_index[row, col]
             if f == NO_FACE:
                 continue
-            b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
-            f, b1, b2 = descend(f, b1, b2, levels)
+            f, b1, b2 = descend(f, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1]), levels)
             px, py, pz = facet_point(corners, f, b1, b2)
             dx, dy, dz = bulge(corners, normals, f, b1, b2, px, py, pz)
             point[row, col, 0] = px + lift[f, 0]

@@ -39,7 +39,7 @@ class SmoothSurface:
 
 
 def smooth_surface(mesh: SkinMesh) -> SmoothSurface:
-    """Subdivide until the bulges left out are below `FLAT_ENOUGH_MM` (all but 1 % of them), or the count is too high."""
+    """Subdivide until 99 % of the bulges left out are below `FLAT_ENOUGH_MM`, or the count is too high."""
     surface = SmoothSurface(0, mesh.positions_mm, mesh.faces, mesh.corner_normal)
     while 4 * len(surface.faces) <= MAX_FACES:
         edge, offset = _edges(surface)

@@ -72,7 +72,10 @@ class RectangleLight(_Light):
 
 
 class EnvironmentLight(_Light):
-    """Equirectangular radiance map, y up, u = 0.5 towards +z; `radiance` is a constant environment instead."""
+    """Equirectangular radiance map, y up, u = 0.5 towards +z and 0.75 towards -x (as seen from inside).
+
+    `radiance` is a constant environment instead. `rotate_deg` turns the map about +y, +z towards +x.
+    """
 
     type: Literal["environment"]
     path: str | None = None

@@ -1,0 +1,236 @@
+"""Rectangle lights: the closed form of their irradiance, and stratified rays for the share that a shadow leaves."""
+
+from __future__ import annotations
+
+import math
+import zlib
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.atlas.raster import NO_FACE
+from skinbake.irradiance.emitter import soften
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.oil_albedo import albedo_at
+from skinbake.irradiance.refine import refine
+from skinbake.irradiance.surface import TexelSurface
+from skinbake.numerics import Float
+from skinbake.scene.lights import RectangleLight
+
+Image = NDArray[np.float32]
+DEFAULT_SAMPLES = 36
+CHUNK = 1 << 20
+
+
+def light_rectangle(
+    surface: TexelSurface,
+    occluder: Occluder,
+    light: RectangleLight,
+    casts: bool,
+    table: Float,
+    f0: float,
+    seed: int,
+) -> tuple[Image, Image]:
+    """Irradiance of a unit radiance (H, W) and unshadowed share (H, W).
+
+    Unshadowed light is exact (the contour integral of the rectangle above the horizon [Lambert1760, Baum1989]); rays
+    through a jittered grid on the rectangle find the share that arrives. Full light and full shadow are found on a
+    coarse lattice, every texel of a penumbra has its own rays.
+    """
+    corner = np.asarray(light.position_mm) - occluder.centre_mm
+    shape = np.array([corner, light.edge_u_mm, light.edge_v_mm], dtype=np.float64)
+    arriving = np.zeros(surface.raster.shape, np.float32)
+    facing = np.zeros(surface.raster.shape, np.bool_)
+    _contour(shape, surface.raster.face_index, surface.point, surface.normal, surface.smooth_normal, arriving, facing)
+
+    grid = max(1, math.ceil(math.sqrt(light.samples or DEFAULT_SAMPLES)))
+    key = np.uint64((seed * 0x9E3779B97F4A7C15 + zlib.crc32(light.name.encode())) % 2**64)
+    origin, normal = surface.origin.reshape(-1, 3), surface.normal.reshape(-1, 3)
+    smooth = surface.smooth_normal.reshape(-1, 3)
+    roughness = np.broadcast_to(surface.roughness, facing.shape).reshape(-1)
+    strength = np.broadcast_to(surface.strength, facing.shape).reshape(-1)
+
+    def trace(texels: NDArray[np.int64]) -> Image:
+        out = np.empty((len(texels), 2), np.float32)
+        step = max(1, CHUNK // grid**2)
+        for start in range(0, len(texels), step):
+            part = texels[start : start + step]
+            ray, reach, sent, passed = _sample(
+                shape,
+                key,
+                grid,
+                part,
+                origin[part],
+                normal[part],
+                smooth[part],
+                roughness[part],
+                strength[part],
+                table,
+                f0,
+            )
+            blocked = np.zeros(reach.size, np.bool_)
+            if casts:
+                starts = np.repeat(origin[part], grid**2, axis=0)
+                blocked = occluder.occluded(starts, ray.reshape(-1, 3), reach.ravel())
+            clear = ~blocked.reshape(sent.shape)
+            total = sent.sum(axis=1)
+            none = total <= 0
+            total[none] = 1
+            out[start : start + step, 0] = np.where(none, clear.mean(axis=1), (passed * clear).sum(axis=1) / total)
+            out[start : start + step, 1] = np.where(none, clear.mean(axis=1), (sent * clear).sum(axis=1) / total)
+        return out
+
+    if casts or table.size:
+        share = refine(facing, 2, trace, tolerance=0.0 if not table.size else 0.02)
+        return arriving * share[..., 0], share[..., 1]
+    return arriving, facing.astype(np.float32)
+
+
+@njit(cache=True)
+def _above_horizon(poly: Float, count: int, nx: float, ny: float, nz: float, out: Float) -> int:
+    m = 0
+    for i in range(count):
+        j = (i + 1) % count
+        a = poly[i, 0] * nx + poly[i, 1] * ny + poly[i, 2] * nz
+        b = poly[j, 0] * nx + poly[j, 1] * ny + poly[j, 2] * nz
+        if a >= 0.0:
+            out[m] = poly[i]
+            m += 1
+        if (a > 0.0 and b < 0.0) or (a < 0.0 and b > 0.0):
+            t = a / (a - b)
+            out[m] = poly[i] + t * (poly[j] - poly[i])
+            m += 1
+    return m
+
+
+@njit(cache=True)
+def rectangle_irradiance(
+    shape: Float, px: float, py: float, pz: float, nx: float, ny: float, nz: float, poly: Float, clipped: Float
+) -> float:
+    """Irradiance of unit radiance from a parallelogram, horizon included; `poly`, `clipped` are (8, 3) work space."""
+    for k in range(4):
+        su = -0.5 if k in (0, 3) else 0.5
+        sv = -0.5 if k in (0, 1) else 0.5
+        poly[k, 0] = shape[0, 0] + su * shape[1, 0] + sv * shape[2, 0] - px
+        poly[k, 1] = shape[0, 1] + su * shape[1, 1] + sv * shape[2, 1] - py
+        poly[k, 2] = shape[0, 2] + su * shape[1, 2] + sv * shape[2, 2] - pz
+    count = _above_horizon(poly, 4, nx, ny, nz, clipped)
+    total = 0.0
+    for i in range(count):
+        j = (i + 1) % count
+        ax, ay, az = clipped[i, 0], clipped[i, 1], clipped[i, 2]
+        bx, by, bz = clipped[j, 0], clipped[j, 1], clipped[j, 2]
+        gx, gy, gz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        length = np.sqrt(gx * gx + gy * gy + gz * gz)
+        if length > 0.0:
+            angle = np.arctan2(length, ax * bx + ay * by + az * bz)
+            total += angle * (gx * nx + gy * ny + gz * nz) / length
+    return 0.5 * abs(total)
+
+
+@njit(cache=True, parallel=True)
+def _contour(
+    shape: Float,
+    face_index: NDArray[np.int32],
+    point: Image,
+    normal: Image,
+    smooth: Image,
+    arriving: Image,
+    facing: NDArray[np.bool_],
+) -> None:
+    height, width = face_index.shape
+    out_normal = np.cross(shape[1], shape[2])
+    for row in prange(height):
+        poly, clipped = np.empty((8, 3)), np.empty((8, 3))
+        for col in range(width):
+            if face_index[row, col] == NO_FACE:
+                continue
+            px, py, pz = (
+                np.float64(point[row, col, 0]),
+                np.float64(point[row, col, 1]),
+                np.float64(point[row, col, 2]),
+            )
+            ahead = (
+                (px - shape[0, 0]) * out_normal[0]
+                + (py - shape[0, 1]) * out_normal[1]
+                + (pz - shape[0, 2]) * out_normal[2]
+            )
+            if ahead <= 0.0:
+                continue
+            sx, sy, sz = (
+                np.float64(smooth[row, col, 0]),
+                np.float64(smooth[row, col, 1]),
+                np.float64(smooth[row, col, 2]),
+            )
+            facing[row, col] = rectangle_irradiance(shape, px, py, pz, sx, sy, sz, poly, clipped) > 0.0
+            if facing[row, col]:
+                nx, ny, nz = (
+                    np.float64(normal[row, col, 0]),
+                    np.float64(normal[row, col, 1]),
+                    np.float64(normal[row, col, 2]),
+                )
+                arriving[row, col] = rectangle_irradiance(shape, px, py, pz, nx, ny, nz, poly, clipped)
+
+
+@njit(cache=True)
+def _hash(x: np.uint64) -> np.uint64:
+    """SplitMix64's finaliser [Steele2014]: every texel and sample its own number, whoever asks and when."""
+    x ^= x >> np.uint64(30)
+    x *= np.uint64(0xBF58476D1CE4E5B9)
+    x ^= x >> np.uint64(27)
+    x *= np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
+@njit(cache=True, parallel=True)
+def _sample(
+    shape: Float,
+    key: np.uint64,
+    grid: int,
+    texels: NDArray[np.int64],
+    origin: Image,
+    normal: Image,
+    smooth: Image,
+    roughness: Image,
+    strength: Image,
+    table: Float,
+    f0: float,
+) -> tuple[Image, Image, Float, Float]:
+    """Rays to a jittered grid on the light; the irradiance each stands for, and the part of it that passes the oil."""
+    count = grid * grid
+    ray = np.zeros((len(texels), count, 3), dtype=np.float32)
+    reach = np.zeros((len(texels), count), dtype=np.float32)
+    sent = np.zeros((len(texels), count))
+    passed = np.zeros((len(texels), count))
+    out_normal = np.cross(shape[1], shape[2])
+    out_normal /= np.sqrt((out_normal * out_normal).sum())
+    for i in prange(len(texels)):
+        nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
+        sx, sy, sz = np.float64(smooth[i, 0]), np.float64(smooth[i, 1]), np.float64(smooth[i, 2])
+        for s in range(count):
+            number = _hash(key + np.uint64(texels[i]) * np.uint64(count) + np.uint64(s))
+            jitter_u = np.float64(number >> np.uint64(40)) / 16777216.0
+            jitter_v = np.float64((number >> np.uint64(16)) & np.uint64(0xFFFFFF)) / 16777216.0
+            u = (s % grid + jitter_u) / grid - 0.5
+            v = (s // grid + jitter_v) / grid - 0.5
+            lx = shape[0, 0] + u * shape[1, 0] + v * shape[2, 0] - origin[i, 0]
+            ly = shape[0, 1] + u * shape[1, 1] + v * shape[2, 1] - origin[i, 1]
+            lz = shape[0, 2] + u * shape[1, 2] + v * shape[2, 2] - origin[i, 2]
+            distance = np.sqrt(lx * lx + ly * ly + lz * lz)
+            if distance == 0.0:
+                continue
+            lx, ly, lz = lx / distance, ly / distance, lz / distance
+            ray[i, s, 0], ray[i, s, 1], ray[i, s, 2] = lx, ly, lz
+            reach[i, s] = distance
+            leaving = -(lx * out_normal[0] + ly * out_normal[1] + lz * out_normal[2])
+            cos_mapped = nx * lx + ny * ly + nz * lz
+            cos_smooth = sx * lx + sy * ly + sz * lz
+            if leaving <= 0.0 or cos_mapped <= 0.0:
+                continue
+            sent[i, s] = cos_mapped * leaving / (distance * distance)
+            passed[i, s] = sent[i, s] * soften(cos_mapped, cos_smooth, nx * sx + ny * sy + nz * sz)
+            if table.size > 0:
+                share = 1.0 - strength[i] * albedo_at(table, cos_mapped, roughness[i], f0)
+                passed[i, s] *= min(max(share, 0.0), 1.0)
+    return ray, reach, sent, passed
