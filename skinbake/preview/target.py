@@ -1,4 +1,4 @@
-"""A frame buffer of 32-bit floats; pyrender's own has 8 bits."""
+"""A frame buffer of floats; pyrender's own has 8 bits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from skinbake.errors import MachineError
 
 
 class FloatTarget:
-    """Color attachments of RGBA32F with depth, resolved from `samples` a pixel where that is above 1.
+    """Color attachments of float RGBA with depth, resolved from `samples` a pixel where that is above 1.
 
     Parameters
     ----------
@@ -19,9 +19,12 @@ class FloatTarget:
         1 for the picture; more for a geometry buffer, which must not be multisampled.
     samples : int
         Lowered to what the driver has.
+    half : bool
+        16-bit floats, for frames that only a screen sees.
     """
 
-    def __init__(self, width: int, height: int, attachments: int = 1, samples: int = 1) -> None:
+    def __init__(self, width: int, height: int, attachments: int = 1, samples: int = 1, half: bool = False) -> None:
+        self._form = GL.GL_RGBA16F if half else GL.GL_RGBA32F
         self.width, self.height, self.attachments = width, height, attachments
         self.samples = min(samples, int(GL.glGetIntegerv(GL.GL_MAX_SAMPLES)))
         largest = int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))
@@ -39,7 +42,7 @@ class FloatTarget:
         GL.glBindTexture(GL.GL_TEXTURE_2D, texture)
         for name in (GL.GL_TEXTURE_MIN_FILTER, GL.GL_TEXTURE_MAG_FILTER):
             GL.glTexParameteri(GL.GL_TEXTURE_2D, name, GL.GL_NEAREST)
-        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_RGBA32F, self.width, self.height, 0, GL.GL_RGBA, GL.GL_FLOAT, None)
+        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, self._form, self.width, self.height, 0, GL.GL_RGBA, GL.GL_FLOAT, None)
         return texture
 
     def _framebuffer(self, samples: int, attachments: int, textured: bool) -> int:
@@ -50,7 +53,7 @@ class FloatTarget:
             if textured and i == 0:
                 GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, at, GL.GL_TEXTURE_2D, self.texture, 0)
             else:
-                buffer = self._renderbuffer(GL.GL_RGBA32F, samples)
+                buffer = self._renderbuffer(self._form, samples)
                 GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, at, GL.GL_RENDERBUFFER, buffer)
         depth = self._renderbuffer(GL.GL_DEPTH_COMPONENT24, samples)
         GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, GL.GL_DEPTH_ATTACHMENT, GL.GL_RENDERBUFFER, depth)

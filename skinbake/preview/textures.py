@@ -49,18 +49,8 @@ def upload(image: NDArray[np.floating]) -> int:
             f"a texture of {width} x {height} is larger than this OpenGL allows ({largest}); bake a smaller one"
         )
 
-    texture = int(GL.glGenTextures(1))
-    GL.glBindTexture(GL.GL_TEXTURE_2D_ARRAY, texture)
+    texture = _bilinear_texture()
     GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
-    for name, value in (
-        (GL.GL_TEXTURE_MIN_FILTER, GL.GL_LINEAR),
-        (GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR),
-        (GL.GL_TEXTURE_WRAP_S, GL.GL_CLAMP_TO_EDGE),
-        (GL.GL_TEXTURE_WRAP_T, GL.GL_CLAMP_TO_EDGE),
-        (GL.GL_TEXTURE_MAX_LEVEL, 0),
-    ):
-        GL.glTexParameteri(GL.GL_TEXTURE_2D_ARRAY, name, value)
-
     kind = GL.GL_HALF_FLOAT if dtype == "float16" else GL.GL_FLOAT
     internal, form = _INTERNAL[channels, dtype], _FORMAT[channels]
     pixels = ctypes.c_void_p(image.ctypes.data)  # as a pointer: PyOpenGL knows no array of halves
@@ -73,13 +63,35 @@ def upload(image: NDArray[np.floating]) -> int:
     return texture
 
 
+def blank(width: int, height: int) -> int:
+    """An array texture of one RGBA32F layer to draw into."""
+    texture = _bilinear_texture()
+    GL.glTexImage3D(GL.GL_TEXTURE_2D_ARRAY, 0, GL.GL_RGBA32F, width, height, 1, 0, GL.GL_RGBA, GL.GL_FLOAT, None)
+    return texture
+
+
+def _bilinear_texture() -> int:
+    texture = int(GL.glGenTextures(1))
+    GL.glBindTexture(GL.GL_TEXTURE_2D_ARRAY, texture)
+    for name, value in (
+        (GL.GL_TEXTURE_MIN_FILTER, GL.GL_LINEAR),
+        (GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR),
+        (GL.GL_TEXTURE_WRAP_S, GL.GL_CLAMP_TO_EDGE),
+        (GL.GL_TEXTURE_WRAP_T, GL.GL_CLAMP_TO_EDGE),
+        (GL.GL_TEXTURE_MAX_LEVEL, 0),
+    ):
+        GL.glTexParameteri(GL.GL_TEXTURE_2D_ARRAY, name, value)
+    return texture
+
+
 class TileTextures:
     """Every texture of one UDIM tile, by the sampler's name in the shader, in the order of their units."""
 
     def __init__(self, scene: PreviewScene, tile: int, oil_albedo: int) -> None:
         maps = scene.maps
-        images: dict[str, NDArray[np.floating]] = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
-        images |= {
+        lobes = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
+        self.lobe_sizes = {name: (image.shape[2], image.shape[1]) for name, image in lobes.items()}
+        images: dict[str, NDArray[np.floating]] = lobes | {
             "irradiance": scene.irradiance[tile],
             "visibility": scene.visibility[tile][..., None],
             # A missing map is one texel of its constant

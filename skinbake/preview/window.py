@@ -1,0 +1,249 @@
+"""The window: pyglet's, with our renderer in it; pyrender's own Viewer would draw through an 8-bit frame buffer."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.errors import MachineError
+from skinbake.preview.camera import VIEWS, Camera, view
+from skinbake.preview.caption import caption
+from skinbake.preview.controls import Controls, overlay, press
+from skinbake.preview.lamp import Gains, gains_rgb
+from skinbake.preview.mode import parse_mode
+from skinbake.preview.scene import PreviewScene
+from skinbake.scene.spec import PreviewSpec
+
+if TYPE_CHECKING:
+    from skinbake.preview.target import FloatTarget
+
+SAMPLES = 4
+ORBIT_DEG_PER_PIXEL = 0.4
+_KEYS = {"TAB": "TAB", "UP": "UP", "DOWN": "DOWN", "BRACKETLEFT": "[", "BRACKETRIGHT": "]", "COMMA": ",", "PERIOD": "."}
+
+
+def show(
+    scene: PreviewScene,
+    look: PreviewSpec,
+    size: tuple[int, int] | None = None,
+    mode: str = "full",
+    light_gains: Gains | None = None,
+    exposure: float | None = None,
+) -> None:
+    """Open the window and stay until it is closed.
+
+    Raises
+    ------
+    MachineError
+        No window can be opened here.
+    InputError
+        An unknown mode, view or light.
+    """
+    PreviewWindow(scene, look, size, mode, light_gains, exposure).run()
+
+
+class PreviewWindow:
+    """One window on one scene; frames are drawn when something has changed."""
+
+    def __init__(
+        self,
+        scene: PreviewScene,
+        look: PreviewSpec,
+        size: tuple[int, int] | None = None,
+        mode: str = "full",
+        light_gains: Gains | None = None,
+        exposure: float | None = None,
+    ) -> None:
+        gains = tuple(gains_rgb(scene, light_gains))
+        level = look.exposure if exposure is None else exposure
+        self.start = Controls(scene.lights, gains, parse_mode(mode, len(scene.lobes)), level)
+        self.controls = self.start
+        self.scene, self.look = scene, look
+        self.view_name = look.view
+        width, height = size or look.size
+        self.camera: Camera = view(scene.mesh, look.view, width / height)
+        self.fps = 0.0
+        self.changed = True
+        self.window = self._open(width, height)
+        from skinbake.preview.renderer import SkinRenderer  # PyOpenGL: only with the window's context
+
+        self.renderer = SkinRenderer(scene)
+        self.renderer.fold = True
+        self._empty: int | None = None
+        self._text: int | None = None
+
+    def _open(self, width: int, height: int) -> Any:
+        if sys.platform.startswith("linux") and "OpenGL" not in sys.modules:
+            os.environ["PYOPENGL_PLATFORM"] = "glx"  # the window's contexts are GLX's
+        try:
+            import pyglet
+
+            pyglet.options["shadow_window"] = False
+            config: Any = pyglet.gl.Config(  # type: ignore[abstract]
+                double_buffer=True, depth_size=24, major_version=3, minor_version=3
+            )
+            window = pyglet.window.Window(
+                width, height, caption="skinbake preview", resizable=True, config=config, vsync=False
+            )
+            window.switch_to()
+        except Exception as error:  # pyglet has many kinds, none of them public
+            raise MachineError(
+                f"no window could be opened ({type(error).__name__} {error}); render pictures instead: --png FILE"
+            ) from error
+        window.push_handlers(
+            on_key_press=self._on_key_press,
+            on_mouse_drag=self._on_mouse_drag,
+            on_mouse_scroll=self._on_mouse_scroll,
+            on_resize=self._on_change,
+            on_expose=self._on_change,
+        )
+        return window
+
+    def run(self) -> None:
+        """Draw and listen until the window is closed."""
+        import pyglet
+
+        try:
+            while not self.window.has_exit:
+                pyglet.clock.tick()
+                self.window.dispatch_events()
+                if self.changed and not self.window.has_exit:
+                    self.frame()
+                else:
+                    time.sleep(0.005)
+        finally:
+            self.close()
+
+    def frame(self) -> None:
+        """Draw one frame and show it."""
+        from OpenGL import GL
+
+        from skinbake.preview.target import FloatTarget
+
+        start = time.perf_counter()
+        self.window.switch_to()
+        width, height = self.window.get_framebuffer_size()
+        renderer = self.renderer
+        if renderer.target is None or (renderer.target.width, renderer.target.height) != (width, height):
+            if renderer.target is not None:
+                renderer.target.delete()
+            renderer.target = FloatTarget(width, height, samples=SAMPLES, half=True)
+        renderer.mode = self.controls.mode
+        renderer.gains_rgb = self.controls.gains_rgb
+        renderer.set_lights(self.controls.lights)
+        renderer.draw(self.camera)
+        renderer.target.resolve()
+        self._display(renderer.target)
+        GL.glFinish()
+        seconds = time.perf_counter() - start
+        self.fps = 1 / seconds if self.fps == 0 else 0.8 * self.fps + 0.2 / seconds
+        self.window.flip()
+        self.changed = False
+
+    def _display(self, target: FloatTarget) -> None:
+        """From the float target to the screen; shaders/display.frag does what tonemap.py does, and adds the text."""
+        from OpenGL import GL
+
+        from skinbake.preview import tonemap
+
+        constants = {"TONEMAP_KNEE": str(tonemap.KNEE), "TONEMAP_DESATURATION": str(tonemap.DESATURATION)}
+        program = self.renderer.program("screen.vert", "display.frag", constants)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, 0)
+        GL.glViewport(0, 0, target.width, target.height)
+        GL.glDisable(GL.GL_DEPTH_TEST)
+        GL.glDisable(GL.GL_CULL_FACE)
+        program._bind()
+        for unit, (name, texture) in enumerate((("frame", target.texture), ("text", self._text_texture(target)))):
+            GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
+            GL.glBindTexture(GL.GL_TEXTURE_2D, texture)
+            program.set_uniform(name, unit)
+        program.set_uniform("background", np.array(self.look.background_rgb, np.float32))
+        program.set_uniform("gain", float(2.0**self.controls.exposure))
+        if self._empty is None:
+            self._empty = int(GL.glGenVertexArrays(1))
+        GL.glBindVertexArray(self._empty)
+        GL.glDrawArrays(GL.GL_TRIANGLES, 0, 3)
+        GL.glBindVertexArray(0)
+        program._unbind()
+
+    def _text_texture(self, target: FloatTarget) -> int:
+        from OpenGL import GL
+
+        if self._text is None:
+            self._text = int(GL.glGenTextures(1))
+        ink = caption(self.lines, (target.width, target.height))
+        GL.glActiveTexture(GL.GL_TEXTURE0)
+        GL.glBindTexture(GL.GL_TEXTURE_2D, self._text)
+        GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
+        for name in (GL.GL_TEXTURE_MIN_FILTER, GL.GL_TEXTURE_MAG_FILTER):
+            GL.glTexParameteri(GL.GL_TEXTURE_2D, name, GL.GL_NEAREST)
+        size = (target.width, target.height)
+        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_R8, *size, 0, GL.GL_RED, GL.GL_UNSIGNED_BYTE, ink[::-1].copy())
+        return self._text
+
+    @property
+    def lines(self) -> list[str]:
+        """The text over the picture."""
+        return overlay(self.controls, self.scene, self.fps)
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """What the window shows, (H, W, 3), row 0 at the top."""
+        from OpenGL import GL
+
+        self.window.switch_to()
+        width, height = self.window.get_framebuffer_size()
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, 0)
+        GL.glReadBuffer(GL.GL_FRONT)
+        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
+        shown = np.empty((height, width, 3), np.uint8)
+        GL.glReadPixels(0, 0, width, height, GL.GL_RGB, GL.GL_UNSIGNED_BYTE, shown)
+        return shown[::-1]
+
+    def close(self) -> None:
+        """Free the graphics card and the window."""
+        self.window.switch_to()
+        self.renderer.delete()
+        self.window.close()
+
+    def _on_change(self, *_: Any) -> None:
+        self.changed = True
+
+    def _on_key_press(self, symbol: int, modifiers: int) -> bool:
+        from pyglet.window import key
+
+        name = key.symbol_string(symbol).removeprefix("_").removeprefix("NUM_")
+        name = _KEYS.get(name, name)
+        if name in ("Q", "ESCAPE"):
+            self.window.has_exit = True
+        elif name == "V":
+            self.view_name = VIEWS[(VIEWS.index(self.view_name) + 1) % len(VIEWS)]
+            width, height = self.window.get_size()
+            self.camera = view(self.scene.mesh, self.view_name, width / height)
+        else:
+            if name == "R":
+                width, height = self.window.get_size()
+                self.camera = view(self.scene.mesh, self.view_name, width / height)
+            self.controls = press(self.controls, self.start, self.scene, name)
+        self.changed = True
+        return True
+
+    def _on_mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
+        from pyglet.window import key, mouse
+
+        height = self.window.get_size()[1]
+        if buttons & mouse.RIGHT:
+            self.camera = self.camera.zoomed(2.0 ** (-dy / 100))
+        elif buttons & mouse.MIDDLE or modifiers & key.MOD_SHIFT:
+            self.camera = self.camera.panned(-dx / height, -dy / height)
+        else:
+            self.camera = self.camera.turned(-dx * ORBIT_DEG_PER_PIXEL, -dy * ORBIT_DEG_PER_PIXEL)
+        self.changed = True
+
+    def _on_mouse_scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
+        self.camera = self.camera.zoomed(0.9**scroll_y)
+        self.changed = True
