@@ -89,7 +89,7 @@ def scatter(
     """Lobes of irradiance times albedo^x, x = 1 for pre-scatter texturing (THEORY 5.1)."""
     exponent = spec.texturing.exponent_before
     source = {
-        tile.tile: tile.rgb * albedo_of(scene.maps, raster, exponent)
+        tile.tile: tile.rgb * albedo_of(scene.maps, raster, scene.mesh, exponent)
         for tile, raster in zip(irradiance, atlas, strict=True)
     }
     return diffuse(
@@ -105,14 +105,11 @@ def scatter(
     )
 
 
-def albedo_of(maps: SkinMaps, raster: AtlasRaster, exponent: float) -> NDArray[np.float32]:
+def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh, exponent: float) -> NDArray[np.float32]:
     """albedo^exponent at the texels of a tile, shape (H, W, 3), or (3,) where it is the same everywhere."""
-    if exponent == 0:
-        return np.ones(3, np.float32)
-    image = maps.albedo.get(raster.tile)
-    if image is None:
+    if exponent == 0 or raster.tile not in maps.albedo:
         return np.asarray(maps.albedo_rgb, np.float32) ** np.float32(exponent)
-    albedo = np.maximum(sample_map(image, raster), 0)
+    albedo = np.maximum(sample_map(raster, mesh, maps.albedo, maps.albedo_rgb), 0)
     return albedo if exponent == 1 else albedo ** np.float32(exponent)
 
 
