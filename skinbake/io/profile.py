@@ -59,7 +59,7 @@ def fit_record(report: FitReport) -> dict[str, Any]:
 
 
 def fit_csv(report: FitReport) -> str:
-    """Model (R, G, B) and fit (fit_R, fit_G, fit_B) at the plot's radii, in the unit of the fit; reads back as table."""
+    """Model (R, G, B) and fit (fit_R, fit_G, fit_B) at the plot's radii, in the unit of the fit; a table skin."""
     curve = report.curve
     header = ["r_mm", "R", "G", "B", "fit_R", "fit_G", "fit_B"]
     return _csv(header, np.hstack([curve.radius_mm[:, None], curve.model_rgb, curve.fit_rgb]))

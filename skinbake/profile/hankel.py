@@ -12,12 +12,19 @@ from skinbake.profile.slab import Array
 Transform = Callable[[Array], Array]  # s of shape (C or 1, ...) to F~(s) of shape (C, ...)
 
 UNDERFLOW = 700.0  # exp(-700) is the smallest magnitude worth carrying in float64
-STEPS_PER_DECADE = 14  # trapezoid in ln t inside a strip of half-width pi/4: error exp(-2 pi (pi/4) / h) ~ 1e-13
+# Trapezoid in ln t, step h, inside a strip of half-width pi/4: error exp(-2 pi (pi/4) / h)
+# Fourteen steps a decade give 13 digits
+STEPS_PER_DIGIT = 14 / 12
 DIRECTION = np.exp(0.25j * np.pi)
 
 
 def inverse_hankel(
-    transform: Transform, radius_mm: Float, first_singularity_per_mm: Float, shortest_mm: float, longest_mm: float
+    transform: Transform,
+    radius_mm: Float,
+    first_singularity_per_mm: Float,
+    shortest_mm: float,
+    longest_mm: float,
+    digits: int = 12,
 ) -> Float:
     """F(r) = 1/(2 pi) int F~(s) J0(s r) s ds, shape (C, N).
 
@@ -35,6 +42,8 @@ def inverse_hankel(
         sigma_tr of the least absorbing layer per channel.
     shortest_mm, longest_mm : float
         Range of the free paths and depths that shape F~.
+    digits : int
+        Wanted; time grows as its square.
     """
     from scipy.special import hankel1e
 
@@ -42,14 +51,14 @@ def inverse_hankel(
     out = np.zeros((len(first_singularity_per_mm), len(radius)))
     at_zero = radius == 0
     if at_zero.any():
-        t, step = _logarithmic(np.zeros(1), shortest_mm, longest_mm)
+        t, step = _logarithmic(np.zeros(1), shortest_mm, longest_mm, digits)
         frequency = t[None]
         out[:, at_zero] = np.sum(transform(frequency).real * t**2, axis=-1) * step / (2 * np.pi)
 
     r = radius[~at_zero]
     if r.size == 0:
         return out
-    t, step = _logarithmic(r, shortest_mm, longest_mm)
+    t, step = _logarithmic(r, shortest_mm, longest_mm, digits)
     start = np.asarray(first_singularity_per_mm)[:, None, None]
     s = 1j * start + t * DIRECTION
     # The far field of a strong absorber is below the smallest float: leave the exact 0 there
@@ -62,11 +71,11 @@ def inverse_hankel(
     return out
 
 
-def _logarithmic(radius: Float, shortest_mm: float, longest_mm: float) -> tuple[Float, Float]:
+def _logarithmic(radius: Float, shortest_mm: float, longest_mm: float, digits: int) -> tuple[Float, Float]:
     """Geometric steps t, shape (N, M), and their logarithmic spacing, shape (N, 1), for each radius."""
     top = 60 / (radius + shortest_mm)
-    bottom = 1e-12 / (radius + longest_mm)
+    bottom = 10.0**-digits / (radius + longest_mm)
     decades = np.log(top / bottom) / np.log(10)
-    count = int(np.ceil(decades.max() * STEPS_PER_DECADE))
+    count = int(np.ceil(decades.max() * digits * STEPS_PER_DIGIT))
     step = np.log(top / bottom)[:, None] / count
     return bottom[:, None] * np.exp(step * np.arange(count + 1)), step

@@ -1,0 +1,52 @@
+"""Lengths and shares of a sum of Gaussians."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinbake.numerics import Float, safe_div
+from skinbake.profile.gaussian_sum import GaussianSum
+
+
+def light_within(gaussians: GaussianSum, radius_mm: ArrayLike) -> Float:
+    """Light inside each radius, shape (N, 3): -sum w expm1(-r^2 / 2v)."""
+    r = np.atleast_1d(np.asarray(radius_mm, dtype=np.float64))[:, None]
+    wide = gaussians.variance_mm2 > 0
+    exponent = np.where(wide, r**2 / (2 * np.where(wide, gaussians.variance_mm2, 1)), np.inf)
+    return -np.expm1(-exponent) @ gaussians.weight_rgb
+
+
+def mean_radius_mm(gaussians: GaussianSum) -> Float:
+    """Mean distance the light travels, shape (3,)."""
+    moments = np.sqrt(np.pi * gaussians.variance_mm2 / 2) @ gaussians.weight_rgb
+    return safe_div(moments, gaussians.weight_rgb.sum(axis=0))
+
+
+def rms_radius_mm(gaussians: GaussianSum) -> Float:
+    """Root mean square distance, shape (3,).
+
+    Raises
+    ------
+    ValueError
+        If signed weights make the mean square negative.
+    """
+    mean_square = safe_div(2 * gaussians.variance_mm2 @ gaussians.weight_rgb, gaussians.weight_rgb.sum(axis=0))
+    if np.any(mean_square < 0):
+        raise ValueError("weight_rgb: expected weights whose mean square radius is not negative")
+    return np.sqrt(mean_square)
+
+
+def line_spread(gaussians: GaussianSum, distance_mm: ArrayLike) -> Float:
+    """Light at a distance from a thin line, 1/mm, shape (N, 3); THEORY (8.4): R integrated along the line.
+
+    Exact for light that varies across the line alone; as one factor of a separable kernel it is wrong by 12 to 53 %.
+
+    References
+    ----------
+    [Jimenez2015]
+    """
+    x = np.atleast_1d(np.asarray(distance_mm, dtype=np.float64))[:, None]
+    wide = gaussians.variance_mm2 > 0
+    v = gaussians.variance_mm2[wide]
+    return (np.exp(-(x**2) / (2 * v)) / np.sqrt(2 * np.pi * v)) @ gaussians.weight_rgb[wide]
