@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from skinbake.atlas.raster import NO_FACE
 from skinbake.numerics import Float
 
+FULL = 1e-6  # round-off below which a texel counts as wholly covered
 BAND_ROWS = 32  # rows that one task owns: no two tasks write the same texel, whatever the number of threads
 
 
@@ -104,6 +105,9 @@ def cover(
         strip = np.empty((9, 2))
         poly = np.empty((9, 2))
         other = np.empty((9, 2))
+        first_row = band * BAND_ROWS
+        shares = np.zeros((row_end - first_row, width))  # float64: one texel may hold thousands of faces
+        areas = np.zeros((row_end - first_row, width))
         for k in range(start[band], start[band + 1]):
             f = items[k]
             x0, y0 = corner_xy[f, 0, 0], corner_xy[f, 0, 1]
@@ -112,9 +116,7 @@ def cover(
             total = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
             side = 1.0 if total > 0.0 else -1.0
             low, high = min(y0, y1, y2), max(y0, y1, y2)
-            for row in range(
-                max(band * BAND_ROWS, int(np.floor(max(low, 0.0)))), min(row_end, int(min(high, 1e9)) + 1)
-            ):
+            for row in range(max(first_row, int(np.floor(max(low, 0.0)))), min(row_end, int(min(high, 1e9)) + 1)):
                 # The part of the triangle in this row of texels gives the columns it can touch
                 for i in range(3):
                     strip[i, 0], strip[i, 1] = corner_xy[f, i, 0], corner_xy[f, i, 1]
@@ -142,13 +144,15 @@ def cover(
                         m = _clip(strip, n, 0, True, float(col), poly)
                         m = _clip(poly, m, 0, False, col + 1.0, other)
                         share = 0.5 * abs(_twice_area(other, m)) if m >= 3 else 0.0
-                    coverage[row, col] += share
-                    area_mm2[row, col] += share * mm2_per_texel[f]
+                    shares[row - first_row, col] += share
+                    areas[row - first_row, col] += share * mm2_per_texel[f]
                     if e0 >= 0.0 and e1 >= 0.0 and e2 >= 0.0 and face_index[row, col] == NO_FACE:
                         # Faces come in ascending order, so where charts overlap the lowest face wins
                         face_index[row, col] = f
                         barycentric[row, col, 0] = min(e1 / abs(total), 1.0)
                         barycentric[row, col, 1] = min(e2 / abs(total), 1.0)
-        for row in range(band * BAND_ROWS, row_end):
+        for row in range(first_row, row_end):
             for col in range(width):
-                coverage[row, col] = min(coverage[row, col], np.float32(1.0))
+                share = shares[row - first_row, col]
+                coverage[row, col] = 1.0 if share > 1.0 - FULL else share
+                area_mm2[row, col] = areas[row - first_row, col]
