@@ -1,0 +1,197 @@
+"""Jobs on several processes of this machine: one that fails, or whose process is killed, does not stop the others."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing import connection
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+Listen = Callable[[str, Any], None]  # job's name, event
+Work = Callable[[Any, Callable[[Any], None]], dict[str, Any]]  # payload, tell -> result
+SAMPLE_S = 0.1
+_THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENIMAGEIO_THREADS")
+
+
+@dataclass
+class Crew:
+    """What is known of the processes while they work.
+
+    Attributes
+    ----------
+    peak_mib : float
+        Largest resident size of all of them together, sampled; pages they share are counted in each.
+    """
+
+    work: Work
+    workers: int
+    retries: int
+    listen: Listen
+    peak_mib: float = field(default=0.0, init=False)
+
+    def run(self, payloads: Mapping[str, Any], keep_going: bool = True) -> dict[str, dict[str, Any]]:
+        """Result of each job by name; `status` is "failed" where its process ended, "skipped" after a failure unless
+        `keep_going`.
+        """
+        todo = [(name, self.retries) for name in payloads]
+        results: dict[str, dict[str, Any]] = {}
+        crew: list[_Worker] = []
+        with _fewer_threads(self.workers):
+            try:
+                while todo or any(worker.name for worker in crew):
+                    stop = not keep_going and any(result["status"] == "failed" for result in results.values())
+                    while todo and not stop and (idle := self._idle(crew)):
+                        name, tries = todo.pop(0)
+                        idle.start(name, tries, self.work, payloads[name])
+                        self.listen(name, {"event": "begin"})
+                    if not any(worker.name for worker in crew):
+                        break
+                    for worker in self._ready(crew):
+                        self._hear(worker, crew, todo, results)
+            finally:
+                for worker in crew:
+                    worker.end()
+        return {name: results.get(name, {"status": "skipped", "error": "an earlier job failed"}) for name in payloads}
+
+    def _idle(self, crew: list[_Worker]) -> _Worker | None:
+        for worker in crew:
+            if not worker.name:
+                return worker
+        if len(crew) < self.workers:
+            crew.append(_Worker())
+            return crew[-1]
+        return None
+
+    def _ready(self, crew: list[_Worker]) -> list[_Worker]:
+        busy = [worker for worker in crew if worker.name]
+        ready = connection.wait([worker.connection for worker in busy], SAMPLE_S)
+        self.peak_mib = max(self.peak_mib, sum(resident_mib(worker.process.pid) for worker in crew))
+        return [worker for worker in busy if worker.connection in ready]
+
+    def _hear(
+        self,
+        worker: _Worker,
+        crew: list[_Worker],
+        todo: list[tuple[str, int]],
+        results: dict[str, dict[str, Any]],
+    ) -> None:
+        name = worker.name
+        try:
+            kind, value = worker.connection.recv()
+        except (EOFError, OSError):
+            kind, value = "died", worker.last_words()
+            crew.remove(worker)
+        if kind == "event":
+            self.listen(name, value)
+            return
+        worker.name = ""
+        if kind == "died" and worker.tries > 0:
+            todo.insert(0, (name, worker.tries - 1))
+            self.listen(name, {"event": "again", "why": value})
+            return
+        results[name] = value if kind == "result" else {"status": "failed", "error": value}
+        self.listen(name, {"event": "end", **results[name]})
+
+
+class _Worker:
+    """One process, a job at a time."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process: BaseProcess = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.name = ""
+        self.tries = 0
+
+    def start(self, name: str, tries: int, work: Work, payload: Any) -> None:
+        self.name, self.tries = name, tries
+        with suppress(OSError):  # it is gone: heard of as the end of its connection
+            self.connection.send((work, payload))
+
+    def last_words(self) -> str:
+        self.process.join(10)
+        code = self.process.exitcode or 0
+        if code < 0:
+            name = signal.Signals(-code).name
+            hint = "; out of memory? use fewer processes or a smaller texture.size" if name == "SIGKILL" else ""
+            return f"its process was ended by {name}{hint}"
+        return f"its process ended with exit code {code}"
+
+    def end(self) -> None:
+        self.connection.close()
+        if self.name:
+            self.process.terminate()  # files are whole or not there at all
+        self.process.join(10)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+
+
+def _serve(pipe: Connection) -> None:
+    """A worker's life: take a job, say how it goes, give its result, until the other end closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears of it and ends us
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    while True:
+        try:
+            work, payload = pipe.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            result = work(payload, lambda event: pipe.send(("event", event)))
+        except Exception as error:  # the other jobs go on, whatever this one met
+            result = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+        pipe.send(("result", result))
+
+
+def _end_with_parent() -> None:
+    """A bake whose batch was killed would go on holding its folder; end it instead."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+class _fewer_threads:
+    """The machine's threads divided among `workers` processes, in the environment they inherit."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self.before: dict[str, str | None] = {}
+
+    def __enter__(self) -> None:
+        for name in _THREADS:
+            self.before[name] = os.environ.get(name)
+            given = self.before[name] or ""
+            total = int(given) if given.isdigit() and int(given) > 0 else processors()
+            os.environ[name] = str(max(1, total // self.workers))
+
+    def __exit__(self, *_: object) -> None:
+        for name, value in self.before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def processors() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def resident_mib(pid: int | None) -> float:
+    """Resident size of a process, 0 where the system does not tell."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+    except (OSError, ValueError, IndexError):
+        return 0.0

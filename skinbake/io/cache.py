@@ -1,0 +1,176 @@
+"""Results of stages by the key of what they read, shared by every look and every process that names the same folder.
+
+An entry appears whole or not at all and is read-only afterwards; a damaged one counts as missing. The oldest read are
+dropped when the folder has grown past its limit.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+import zipfile
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.errors import SkinbakeError
+from skinbake.io.atomic import atomic_write
+from skinbake.io.lock import holder, release, try_lock
+
+Entry = dict[str, NDArray[Any]]
+FOLDER = "SKINBAKE_CACHE"
+GIB = 2**30
+DEFAULT_LIMIT_BYTES = 8 * GIB
+NO_LOCK = -1
+ORPHANED_S = 3600.0  # a temporary file this old has no writer any more
+
+
+class Store(Protocol):
+    """Where results of stages may already be."""
+
+    def get_many(
+        self, keys: Mapping[str, str], make: Callable[[tuple[str, ...]], Mapping[str, Entry]]
+    ) -> dict[str, Entry]:
+        """Entries by name, those not there made by `make(names)`."""
+
+
+@dataclass
+class Cache:
+    """A folder of entries.
+
+    Attributes
+    ----------
+    folder : Path
+    limit_bytes : int
+    say : callable, optional
+        Told what is waited for.
+    hits, misses : int
+        Entries found, and made, through this object.
+    """
+
+    folder: Path
+    limit_bytes: int = DEFAULT_LIMIT_BYTES
+    say: Callable[[str], None] | None = None
+    hits: int = field(default=0, init=False)
+    misses: int = field(default=0, init=False)
+
+    def get_many(
+        self, keys: Mapping[str, str], make: Callable[[tuple[str, ...]], Mapping[str, Entry]]
+    ) -> dict[str, Entry]:
+        """Entries by name; what is missing is made once, though several processes ask for it at a time.
+
+        What another process is making is waited for last, while holding nothing: nobody waits in a circle.
+
+        Parameters
+        ----------
+        keys : mapping of name to key
+        make : callable
+            Given the names that are missing, their entries.
+        """
+        found = {name: entry for name, key in keys.items() if (entry := self.read(key)) is not None}
+        self.hits += len(found)
+        todo = [name for name in keys if name not in found]
+        wait = False
+        while todo:
+            locks = self._lock({name: keys[name] for name in (todo[:1] if wait else todo)}, wait)
+            try:
+                arrived = {name: entry for name in locks if (entry := self.read(keys[name])) is not None}
+                self.hits += len(arrived)
+                missing = tuple(name for name in locks if name not in arrived)
+                if missing:
+                    made = make(missing)
+                    self.misses += len(missing)
+                    for name in missing:
+                        self.write(keys[name], made[name])
+                    arrived |= {name: made[name] for name in missing}
+                found |= arrived
+            finally:
+                for name, lock in locks.items():
+                    if lock != NO_LOCK:
+                        release(self._lock_path(keys[name]), lock)
+            todo = [name for name in todo if name not in found]
+            wait = True
+        return {name: found[name] for name in keys}
+
+    def _lock(self, keys: Mapping[str, str], wait: bool) -> dict[str, int]:
+        locks = {}
+        for name, key in keys.items():
+            path = self._lock_path(key)
+            try:
+                lock = try_lock(path)
+                if lock is None and wait:
+                    if self.say:
+                        self.say(f"{name}: waiting for {holder(path)}, which is making it")
+                    lock = try_lock(path, wait=True)
+            except (SkinbakeError, OSError):  # a cache that cannot be written to keeps nobody from working
+                lock = NO_LOCK
+            if lock is not None:
+                locks[name] = lock
+        return locks
+
+    def read(self, key: str) -> Entry | None:
+        """Arrays of an entry, or None; reading makes it young again."""
+        path = self.path_of(key)
+        try:
+            with (
+                open(path, "rb") as raw,
+                np.load(raw, allow_pickle=False) as file,
+            ):  # each array has a CRC: damage is seen
+                entry = {name: file[name] for name in file.files}
+            os.utime(path)
+            return entry
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+            with suppress(OSError):
+                path.unlink()
+            return None
+
+    def write(self, key: str, entry: Entry) -> None:
+        """Store an entry. A cache that cannot be written to is no reason to fail: what it would hold is known."""
+        arrays: dict[str, Any] = entry
+        with suppress(SkinbakeError, OSError), atomic_write(self.path_of(key)) as temporary:
+            np.savez(temporary, **arrays)
+        self.prune()
+
+    def prune(self) -> None:
+        """Drop the entries whose last reading is longest ago, until the rest fits; and what killed writers left."""
+        entries = []
+        for path in self.folder.rglob("*.npz"):
+            with suppress(OSError):
+                status = path.stat()
+                if path.name.startswith("."):
+                    if time.time() - status.st_mtime > ORPHANED_S:
+                        path.unlink()
+                else:
+                    entries.append((status.st_mtime, status.st_size, path))
+        used = sum(size for _, size, _ in entries)
+        for _, size, path in sorted(entries):
+            if used <= self.limit_bytes:
+                break
+            with suppress(OSError):
+                path.unlink()
+                used -= size
+
+    def path_of(self, key: str) -> Path:
+        """Where an entry is."""
+        return self.folder / key[:2] / f"{key[2:]}.npz"
+
+    def _lock_path(self, key: str) -> Path:
+        return self.folder / "locks" / key
+
+
+def cache_folder(default: Path) -> Path:
+    """The environment's SKINBAKE_CACHE, else `default`."""
+    chosen = os.environ.get(FOLDER)
+    return Path(chosen).expanduser().absolute() if chosen else default
+
+
+def used_bytes(folders: Iterable[Path]) -> int:
+    """Size of all entries."""
+    return sum(path.stat().st_size for folder in folders for path in folder.rglob("*.npz"))
