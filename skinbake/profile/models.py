@@ -132,7 +132,7 @@ class LayeredProfile(SpectralProfile):
     def _inverse(self, transform: Transform, radius_mm: ArrayLike) -> Float:
         first = np.min([layer.medium.sigma_tr_per_mm for layer in self.layers], axis=0)
         radius = np.append(as_radii(radius_mm), 0.0)
-        digits = 12 if len(first) == 3 else 8  # wavelengths: many, and measured to few digits
+        digits = 13 if len(first) <= 3 else 8  # wavelengths: many, and measured to few digits
         # A few radii at a time keeps many wavelengths within the cache
         parts = np.array_split(radius, max(1, len(radius) * len(first) // 200))
         values = np.concatenate([inverse_hankel(transform, part, first, *self.lengths_mm, digits).T for part in parts])
