@@ -16,6 +16,7 @@ from skinbake.scene.lights import DirectionalLight, LightSpec, PointLight, SpotL
 
 Image = NDArray[np.float32]
 DIRECTIONAL, POINT = 0.0, 1.0
+BUMP_GAIN = 4.0  # reached 14 degrees and nearer to the terminator, where a bump faces the light
 NEAREST_MM = 1e-3  # a point light in the skin itself would be infinitely bright
 
 
@@ -54,15 +55,15 @@ def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, floa
 
 
 @njit(cache=True, inline="always")
-def soften(cos_mapped: float, cos_smooth: float, cos_between: float) -> float:
-    """Factor that takes light off mapped normals which face a light that the skin under them turns away from.
+def soften(cos_mapped: float, cos_smooth: float) -> float:
+    """Factor that takes light off mapped normals which face a light that the skin under them almost turns away from.
 
-    1 without a normal map, and 0 continuously at the smooth surface's own terminator [Chiang2019].
+    A bump gets at most `BUMP_GAIN` times what the smooth surface under it gets, so that bumps fade out at its
+    terminator instead of being cut off there; all others keep their cosine.
     """
     if cos_smooth <= 0.0:
         return 0.0
-    g = cos_smooth / max(cos_mapped * max(cos_between, 1e-6), 1e-12)
-    return 1.0 if g >= 1.0 else g * (1.0 + g * (1.0 - g))
+    return min(1.0, BUMP_GAIN * cos_smooth / cos_mapped)
 
 
 @njit(cache=True, parallel=True)
@@ -105,7 +106,7 @@ def unshadowed(
             facing[row, col] = reach > 0.0 and cos_smooth > 0.0
             if not facing[row, col] or cos_mapped <= 0.0:
                 continue
-            value = min(cos_mapped, 1.0) * reach * soften(cos_mapped, cos_smooth, nx * sx + ny * sy + nz * sz)
+            value = min(cos_mapped, 1.0) * reach * soften(cos_mapped, cos_smooth)
             if table.size > 0:
                 m = roughness[row, col] if rows else roughness[0, 0]
                 rho = strength[row, col] if cols else strength[0, 0]

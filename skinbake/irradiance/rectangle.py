@@ -229,7 +229,7 @@ def _sample(
             if leaving <= 0.0 or cos_mapped <= 0.0:
                 continue
             sent[i, s] = cos_mapped * leaving / (distance * distance)
-            passed[i, s] = sent[i, s] * soften(cos_mapped, cos_smooth, nx * sx + ny * sy + nz * sz)
+            passed[i, s] = sent[i, s] * soften(cos_mapped, cos_smooth)
             if table.size > 0:
                 share = 1.0 - strength[i] * albedo_at(table, cos_mapped, roughness[i], f0)
                 passed[i, s] *= min(max(share, 0.0), 1.0)

@@ -54,6 +54,7 @@ def place(
     normals: Float,
     lift: Float,
     point: Image,
+    start: Image,
     offset: Image,
 ) -> None:
     """Facet points and offsets to the smooth surface of every addressed texel.
@@ -64,8 +65,8 @@ def place(
         Of the smooth surface: positions about the occluder's centre, and unit normals.
     lift : ndarray of shape (F 4^levels, 3)
         Step off the facet that round-off asks for.
-    point, offset : ndarrays of shape (H, W, 3), written
-        `point` is already lifted.
+    point, start, offset : ndarrays of shape (H, W, 3), written
+        On the facet, a hair above it, and from there to the smooth surface.
     """
     height, width = face_index.shape
     for row in prange(height):
@@ -76,9 +77,10 @@ def place(
             f, b1, b2 = descend(f, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1]), levels)
             px, py, pz = facet_point(corners, f, b1, b2)
             dx, dy, dz = bulge(corners, normals, f, b1, b2, px, py, pz)
-            point[row, col, 0] = px + lift[f, 0]
-            point[row, col, 1] = py + lift[f, 1]
-            point[row, col, 2] = pz + lift[f, 2]
+            point[row, col, 0], point[row, col, 1], point[row, col, 2] = px, py, pz
+            start[row, col, 0] = px + lift[f, 0]
+            start[row, col, 1] = py + lift[f, 1]
+            start[row, col, 2] = pz + lift[f, 2]
             offset[row, col, 0], offset[row, col, 1], offset[row, col, 2] = dx, dy, dz
 
 

@@ -30,7 +30,7 @@ class TexelSurface:
     ----------
     raster : AtlasRaster
     point : ndarray of shape (H, W, 3), float32
-        On the facet, a hair above it.
+        On the facet.
     origin : ndarray of shape (H, W, 3), float32
         Where shadow rays start: on the smooth surface.
     normal, smooth_normal : ndarrays of shape (H, W, 3), float32
@@ -87,12 +87,11 @@ def texel_surface(
     step_mm = TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
     lift = facing * np.repeat(step_mm, 4**fine.levels)[:, None]
 
-    point = np.zeros((height, width, 3), np.float32)
-    offset = np.zeros((height, width, 3), np.float32)
-    place(raster.face_index, raster.barycentric, fine.levels, corners, fine.corner_normal, lift, point, offset)
-    on_facet = _barred(raster, point, offset, texel_mm, occluder)
+    point, start, offset = (np.zeros((height, width, 3), np.float32) for _ in range(3))
+    place(raster.face_index, raster.barycentric, fine.levels, corners, fine.corner_normal, lift, point, start, offset)
+    on_facet = _barred(raster, start, offset, texel_mm, occluder)
     offset[on_facet] = 0
-    np.add(point, offset, out=offset)
+    np.add(start, offset, out=offset)
 
     smooth = interpolate(raster, mesh.corner_normal)
     length = np.sqrt(np.einsum("hwi,hwi->hw", smooth, smooth))[..., None]
@@ -114,14 +113,14 @@ def texel_surface(
     )
 
 
-def _barred(raster: AtlasRaster, point: Image, offset: Image, texel_mm: Float, occluder: Occluder) -> NDArray[np.bool_]:
+def _barred(raster: AtlasRaster, start: Image, offset: Image, texel_mm: Float, occluder: Occluder) -> NDArray[np.bool_]:
     """Where the way from the facet to the smooth surface meets another surface, as between closed lips."""
     length = np.sqrt(np.einsum("hwi,hwi->hw", offset, offset))
     threshold = (WORTH_CHECKING * texel_mm).astype(np.float32)[raster.face_index]
     rows, cols = np.nonzero(raster.addressed & (length > threshold))
     barred = np.zeros(raster.shape, np.bool_)
     # `offset` is not scaled to length 1: a reach of 1 ends at the smooth surface
-    barred[rows, cols] = occluder.occluded(point[rows, cols], offset[rows, cols], np.ones(len(rows), np.float32))
+    barred[rows, cols] = occluder.occluded(start[rows, cols], offset[rows, cols], np.ones(len(rows), np.float32))
     return barred
 
 
