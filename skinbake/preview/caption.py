@@ -20,15 +20,21 @@ MARGIN_PIXELS = 12
 
 
 def caption(lines: Sequence[str], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Ink of each pixel, 0 ... 255, shape (height, width), row 0 at the top; `size` is (width, height)."""
+    """Text on a plate, shape (height, width, 2), 0 ... 255: ink, and plate that darkens what lies behind.
+
+    `size` is (width, height); row 0 is at the top.
+    """
     from PIL import Image, ImageDraw
 
-    width, height = size
-    picture = Image.new("L", (width, height), 0)
-    pen = ImageDraw.Draw(picture)
-    for row, line in enumerate(lines):
-        pen.text((MARGIN_PIXELS, MARGIN_PIXELS + LINE_PIXELS * row), line, fill=255, font=_font())
-    return np.asarray(picture)
+    ink, plate = Image.new("L", size, 0), Image.new("L", size, 0)
+    pen = ImageDraw.Draw(ink)
+    at = [(MARGIN_PIXELS, MARGIN_PIXELS + LINE_PIXELS * row) for row in range(len(lines))]
+    for corner, line in zip(at, lines, strict=True):
+        pen.text(corner, line, fill=255, font=_font())
+    widest = max((pen.textlength(line, font=_font()) for line in lines), default=0.0)
+    right, bottom = 1.5 * MARGIN_PIXELS + widest, 1.5 * MARGIN_PIXELS + LINE_PIXELS * len(lines)
+    ImageDraw.Draw(plate).rectangle((MARGIN_PIXELS / 2, MARGIN_PIXELS / 2, right, bottom), fill=140)
+    return np.stack([np.asarray(ink), np.asarray(plate)], axis=-1)
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skinbake.preview.camera import Camera
 from skinbake.preview.lamp import Gains, gains_rgb
 from skinbake.preview.mode import Mode
-from skinbake.preview.platform import headless_context
+from skinbake.preview.platform import headless_context, release_context
 from skinbake.preview.scene import PreviewScene
 
 Plane = NDArray[np.float32]
@@ -67,7 +67,11 @@ class Studio:
         self._platform = headless_context()
         from skinbake.preview.renderer import SkinRenderer  # PyOpenGL: only after the platform is chosen
 
-        self._renderer = SkinRenderer(scene)
+        try:
+            self._renderer = SkinRenderer(scene)
+        except Exception:
+            release_context(self._platform)
+            raise
 
     def draw(
         self,
@@ -128,8 +132,9 @@ class Studio:
 
     def close(self) -> None:
         """Free the graphics card."""
+        self._platform.make_current()
         self._renderer.delete()
-        self._platform.delete_context()
+        release_context(self._platform)
 
     def __enter__(self) -> Studio:
         return self

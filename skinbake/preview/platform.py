@@ -69,6 +69,22 @@ def headless_context() -> Any:
     raise MachineError(f"no OpenGL context through {chosen} ({'; '.join(faults) or 'no device'}): {_ADVICE}")
 
 
+def release_context(platform: Any) -> None:
+    """Free a context that must be current.
+
+    pyrender's own `delete_context` would end the whole EGL display, and with it every other context on the device.
+    """
+    if getattr(platform, "_egl_context", None) is None:
+        platform.delete_context()
+        return
+    from OpenGL.EGL import EGL_NO_CONTEXT, EGL_NO_SURFACE, eglDestroyContext, eglMakeCurrent
+
+    display, context = platform._egl_display, platform._egl_context
+    eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT)
+    eglDestroyContext(display, context)
+    platform._egl_context = platform._egl_display = None  # or its destructor would end the display after all
+
+
 def _candidates(chosen: str) -> list[Any]:
     if chosen == "egl":
         from pyrender.platforms import egl

@@ -238,6 +238,9 @@ class SkinRenderer(Renderer):
             call = {2: GL.glUniform2fv, 3: GL.glUniform3fv}[values.shape[1]]
             call(location, len(values), np.ascontiguousarray(values, np.float32))
 
+    def __del__(self) -> None:
+        """Nothing: by then the context may be gone, or be another one's; `delete` frees."""
+
     def delete(self) -> None:
         """Free all OpenGL resources."""
         for textures in self._textures.values():

@@ -119,8 +119,8 @@ class PreviewWindow:
         finally:
             self.close()
 
-    def frame(self) -> None:
-        """Draw one frame and show it."""
+    def frame(self, flip: bool = True) -> None:
+        """Draw one frame and show it; without `flip` it stays in the back buffer."""
         from OpenGL import GL
 
         from skinbake.preview.target import FloatTarget
@@ -142,7 +142,8 @@ class PreviewWindow:
         GL.glFinish()
         seconds = time.perf_counter() - start
         self.fps = 1 / seconds if self.fps == 0 else 0.8 * self.fps + 0.2 / seconds
-        self.window.flip()
+        if flip:
+            self.window.flip()
         self.changed = False
 
     def _display(self, target: FloatTarget) -> None:
@@ -183,7 +184,7 @@ class PreviewWindow:
         for name in (GL.GL_TEXTURE_MIN_FILTER, GL.GL_TEXTURE_MAG_FILTER):
             GL.glTexParameteri(GL.GL_TEXTURE_2D, name, GL.GL_NEAREST)
         size = (target.width, target.height)
-        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_R8, *size, 0, GL.GL_RED, GL.GL_UNSIGNED_BYTE, ink[::-1].copy())
+        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_RG8, *size, 0, GL.GL_RG, GL.GL_UNSIGNED_BYTE, ink[::-1].copy())
         return self._text
 
     @property
@@ -192,13 +193,13 @@ class PreviewWindow:
         return overlay(self.controls, self.scene, self.fps)
 
     def pixels(self) -> NDArray[np.uint8]:
-        """What the window shows, (H, W, 3), row 0 at the top."""
+        """What the window would show now, (H, W, 3), row 0 at the top."""
         from OpenGL import GL
 
-        self.window.switch_to()
+        self.frame(flip=False)  # the front buffer cannot be read everywhere
         width, height = self.window.get_framebuffer_size()
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, 0)
-        GL.glReadBuffer(GL.GL_FRONT)
+        GL.glReadBuffer(GL.GL_BACK)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         shown = np.empty((height, width, 3), np.uint8)
         GL.glReadPixels(0, 0, width, height, GL.GL_RGB, GL.GL_UNSIGNED_BYTE, shown)

@@ -21,5 +21,6 @@ void main()
     rgb = mix(rgb, vec3(bent), 1.0 - 1.0 / (DESATURATION * (peak - bent) + 1.0));
     vec3 curve = 1.055 * pow(max(rgb, 1e-4), vec3(1.0 / 2.4)) - 0.055;
     vec3 encoded = mix(curve, 12.92 * rgb, lessThanEqual(rgb, vec3(0.0031308)));
-    shown = vec4(mix(encoded, vec3(0.9), texelFetch(text, ivec2(gl_FragCoord.xy), 0).r), 1.0);
+    vec2 caption = texelFetch(text, ivec2(gl_FragCoord.xy), 0).rg;
+    shown = vec4(mix(encoded * (1.0 - caption.g), vec3(0.9), caption.r), 1.0);
 }

@@ -1,0 +1,124 @@
+"""The same shading in NumPy, in float64, from the geometry buffer of the shader's own raster pass."""
+
+import numpy as np
+
+from skinbake.irradiance.oil_albedo import specular_albedo
+from skinbake.irradiance.oil_layer import kelemen_brdf
+from skinbake.numerics import normalized, safe_div
+from skinbake.scene.lights import DirectionalLight, EnvironmentLight, RectangleLight, SpotLight
+
+
+def bilinear(image, uv):
+    """image (h, w, k) at uv (n, 2), v up, clamped at the edge."""
+    image = np.asarray(image, np.float64)
+    h, w = image.shape[:2]
+    x = np.clip(uv[:, 0] * w - 0.5, 0, w - 1)
+    y = np.clip((1 - uv[:, 1]) * h - 0.5, 0, h - 1)
+    x0, y0 = np.minimum(x.astype(int), max(w - 2, 0)), np.minimum(y.astype(int), max(h - 2, 0))
+    x1, y1 = np.minimum(x0 + 1, w - 1), np.minimum(y0 + 1, h - 1)
+    fx, fy = (x - x0)[:, None], (y - y0)[:, None]
+    top = image[y0, x0] * (1 - fx) + image[y0, x1] * fx
+    return top * (1 - fy) + (image[y1, x0] * (1 - fx) + image[y1, x1] * fx) * fy
+
+
+def shade(scene, geometry, camera, mode, gains):
+    """Radiance (H, W, 3), zero where nothing is shown."""
+    out = np.zeros((*geometry.tile.shape, 3))
+    for tile in scene.tiles:
+        at = geometry.tile == tile
+        planes = [
+            np.asarray(p[at], np.float64)
+            for p in (geometry.position_mm, geometry.normal, geometry.tangent, geometry.uv)
+        ]
+        out[at] = _shade(scene, tile, *planes, camera.position_mm, mode, gains)
+    return out
+
+
+def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
+    smooth = normalized(normal)
+    n = _mapped(scene.maps, tile, smooth, tangent, uv)
+    v = normalized(eye - position)
+    maps, spec = scene.maps, scene.specular
+    m = (
+        bilinear(maps.roughness[tile][..., None], uv)[:, 0]
+        if tile in maps.roughness
+        else np.full(len(uv), spec.roughness)
+    )
+    factor = bilinear(maps.specular[tile][..., None], uv)[:, 0] if tile in maps.specular else 1.0
+    rho_s = spec.strength * factor
+    albedo = bilinear(maps.albedo[tile], uv) if tile in maps.albedo else np.broadcast_to(maps.albedo_rgb, (len(uv), 3))
+    reflected = np.clip(rho_s * specular_albedo((n * v).sum(1), np.clip(m, 1e-4, 1), spec.f0), 0, 1)[:, None]
+    color = np.zeros((len(uv), 3))
+
+    if mode.diffuse:
+        if mode.name == "none":
+            exitance = sum(g * bilinear(scene.irradiance[tile][i], uv) for i, g in enumerate(gains))
+            exitance = exitance * scene.total_weight_rgb * albedo
+        else:
+            lobes = (
+                [(scene.lobes[mode.lobe], 1.0)]
+                if mode.name == "lobe"
+                else [(x, np.array(x.weight_rgb)) for x in scene.lobes]
+            )
+            used = gains if scene.separate else np.ones((1, 3))
+            exitance = sum(w * g * bilinear(x.rgb[tile][i], uv) for x, w in lobes for i, g in enumerate(used))
+            if mode.name != "lobe":
+                exitance = exitance * albedo ** (1 - scene.texturing.exponent_before)
+        if scene.energy_conservation and mode.name != "lobe":
+            exitance = exitance * (1 - reflected)
+        color += exitance / np.pi
+
+    if mode.specular:
+        for i, light in enumerate(scene.lights):
+            if isinstance(light, EnvironmentLight):
+                color += gains[i] * bilinear(scene.irradiance[tile][i], uv) / np.pi * reflected
+                continue
+            seen = bilinear(scene.visibility[tile][i][..., None], uv)[:, 0]
+            for to_light, arriving in _arriving(light, position):
+                cos = (n * to_light).sum(1)
+                soft = 1.0
+                if tile in maps.normal:
+                    cos_smooth = (smooth * to_light).sum(1)
+                    g = cos_smooth / np.maximum(cos * np.maximum((smooth * n).sum(1), 1e-6), 1e-12)
+                    soft = np.where(cos_smooth <= 0, 0, np.where(g >= 1, 1, g * (1 + g * (1 - g))))
+                f = kelemen_brdf(n, to_light, v, np.clip(m, 1e-4, 1), spec.f0, rho_s)
+                color += gains[i] * arriving * (f * np.maximum(cos, 0) * seen * soft)[:, None]
+    return color
+
+
+def _mapped(maps, tile, n, tangent, uv):
+    if tile not in maps.normal:
+        return n
+    s = bilinear(maps.normal[tile], uv)
+    if maps.normal_space == "object":
+        return normalized(s)
+    t = normalized(tangent[:, :3] - n * (n * tangent[:, :3]).sum(1, keepdims=True))
+    b = np.cross(n, t) * np.sign(tangent[:, 3:])
+    k = maps.normal_strength
+    return normalized(k * s[:, :1] * t + k * s[:, 1:2] * b + s[:, 2:] * n)
+
+
+def _arriving(light, position):
+    """(unit vector to the light, irradiance facing it) of each point it is made of."""
+    if isinstance(light, DirectionalLight):
+        yield np.broadcast_to(-normalized(light.direction), position.shape), np.array(light.irradiance)
+        return
+    if isinstance(light, RectangleLight):
+        u, v = np.array(light.edge_u_mm), np.array(light.edge_v_mm)
+        facing = normalized(np.cross(u, v))
+        quarter = np.array(light.radiance) * np.linalg.norm(np.cross(u, v)) / 4
+        for a in (-0.25, 0.25):
+            for b in (-0.25, 0.25):
+                way = np.array(light.position_mm) + a * u + b * v - position
+                to_light = normalized(way)
+                shine = np.maximum(-(to_light @ facing), 0) / (way**2).sum(1)
+                yield to_light, quarter * shine[:, None]
+        return
+    way = np.array(light.position_mm) - position
+    to_light = normalized(way)
+    reach = 1 / (way**2).sum(1)
+    if isinstance(light, SpotLight):
+        inner, outer = np.cos(np.radians([light.inner_deg, light.outer_deg]))
+        t = np.clip(safe_div(-(to_light @ normalized(light.axis)) - outer, inner - outer), 0, 1)
+        reach = reach * t * t * (3 - 2 * t)
+    yield to_light, np.array(light.intensity) * reach[:, None]

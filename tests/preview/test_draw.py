@@ -1,0 +1,165 @@
+"""The shader computes what NumPy computes from the same pixels, in every mode, and the same again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skinbake.errors import InputError, MachineError
+from skinbake.preview.camera import view
+from skinbake.preview.draw import Studio, draw
+from skinbake.preview.lamp import gains_rgb
+from skinbake.preview.mode import Mode
+from skinbake.preview.scene import PreviewLobe
+from skinbake.scene.lights import DirectionalLight, PointLight
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.spec import SpecularSpec, TexturingSpec
+from tests.preview.reference import shade
+from tests.preview.scenes import LIGHTS, scene
+from tests.shapes import quad
+
+SIZE = (211, 163)
+GAINS = {"key": 0.7, "lamp": (1.5, 0.2, 0.0), "sky": 2.0}
+MODES = [Mode("full"), Mode("diffuse"), Mode("specular"), Mode("none"), Mode("lobe", 0), Mode("lobe", 5)]
+
+
+@pytest.fixture(scope="module")
+def studio():
+    try:
+        with Studio(scene()) as opened:
+            yield opened
+    except MachineError as error:
+        pytest.skip(str(error))
+
+
+def same_as_numpy(opened, mode, fold=False):
+    """Share of pixels within 1e-3 relative of the NumPy shading of the same geometry."""
+    camera = view(opened.scene.mesh, "three-quarter", SIZE[0] / SIZE[1])
+    opened._renderer.fold = fold
+    image = opened.draw(camera, SIZE, mode, GAINS if opened.scene.separate else None, supersample=1, geometry=True)
+    opened._renderer.fold = False
+    gains = gains_rgb(opened.scene, GAINS if opened.scene.separate else None)
+    want = shade(opened.scene, image.geometry, camera, mode, gains)
+    shown = image.geometry.tile > 0
+    assert shown.mean() > 0.3
+    assert np.array_equal(image.rgba[..., 3] > 0, shown)
+    got = image.rgba[shown][:, :3]
+    want = want[shown]
+    assert want.max() > 0.01
+    near = np.abs(got - want) <= 1e-3 * np.abs(want) + 1e-7
+    return near.all(axis=1).mean()
+
+
+@pytest.mark.parametrize("mode", MODES, ids=str)
+def test_every_mode_matches_numpy_from_the_same_pixels(studio, mode):
+    assert same_as_numpy(studio, mode) >= 0.999
+
+
+@pytest.mark.parametrize("mode", MODES, ids=str)
+def test_folded_lights_match_as_well(studio, mode):
+    assert same_as_numpy(studio, mode, fold=True) >= 0.999
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"texturing": TexturingSpec(mode="post-scatter"), "energy_conservation": False},
+        {"texturing": TexturingSpec(mode="pre-scatter"), "with_maps": False},
+        {"half": False, "tiles": 2},
+        {"maps": replace(scene().maps, normal_space="object")},
+    ],
+    ids=["post-scatter", "no maps", "two tiles, float", "object space"],
+)
+def test_other_scenes_match_as_well(studio, changes):
+    with Studio(scene(**changes)) as other:
+        for mode in MODES[:4]:
+            assert same_as_numpy(other, mode) >= 0.999
+
+
+def test_lights_that_the_bake_summed_match_and_take_no_gains(studio):
+    whole = scene()
+    summed = tuple(
+        replace(x, rgb={t: rgb.astype(np.float32).sum(0, keepdims=True) for t, rgb in x.rgb.items()})
+        for x in whole.lobes
+    )
+    with Studio(replace(whole, lobes=summed, separate=False)) as other:
+        for mode in MODES[:4]:
+            assert same_as_numpy(other, mode) >= 0.999
+        with pytest.raises(InputError, match=r"output\.lights: separate"):
+            other.draw(view(whole.mesh, "front", 1.0), (16, 16), light_gains={"key": 2.0})
+
+
+def test_the_picture_is_linear_in_the_light_gains(studio):
+    camera = view(studio.scene.mesh, "front", 1.0)
+    off = {light.name: 0.0 for light in LIGHTS}
+    alone = [studio.draw(camera, (64, 64), light_gains=off | {light.name: 1.0}).rgba[..., :3] for light in LIGHTS]
+    np.testing.assert_allclose(sum(alone), studio.draw(camera, (64, 64)).rgba[..., :3], rtol=2e-5, atol=1e-6)
+    assert all(image.max() > 1e-3 for image in alone)
+
+
+def test_the_same_picture_comes_again_bit_for_bit(studio):
+    camera = view(studio.scene.mesh, "left", 0.8)
+    first = studio.draw(camera, (96, 120)).rgba
+    again = draw(studio.scene, camera, (96, 120)).rgba  # another context
+    assert first.tobytes() == again.tobytes()
+
+
+def test_supersampling_is_the_mean_of_the_finer_picture(studio):
+    camera = view(studio.scene.mesh, "front", 1.0)
+    fine = studio.draw(camera, (90, 90), supersample=1).rgba.astype(np.float64)
+    coarse = studio.draw(camera, (30, 30), supersample=3).rgba
+    np.testing.assert_allclose(coarse, fine.reshape(30, 3, 30, 3, 4).mean((1, 3)), rtol=1e-6, atol=1e-7)
+    assert len(np.unique(coarse[..., 3])) > 3  # smooth edges
+
+
+def test_an_unknown_light_is_refused_by_name(studio):
+    with pytest.raises(InputError, match="key, lamp, spot, box, sky, got kicker"):
+        studio.draw(view(studio.scene.mesh, "front", 1.0), (8, 8), light_gains={"kicker": 1.0})
+
+
+@pytest.mark.parametrize("roughness", [1e-4, 1e-2, 0.3, 1.0])
+@pytest.mark.parametrize("strength", [1 / np.pi, 5.0])
+def test_extremes_are_finite_and_not_negative(studio, roughness, strength):
+    behind = DirectionalLight(name="behind", type="directional", direction=(0, 0, 1), irradiance=(1e5,) * 3)  # L = -V
+    grazing = DirectionalLight(name="grazing", type="directional", direction=(1, 0, 0), irradiance=(1.0,) * 3)
+    inside = PointLight(name="inside", type="point", position_mm=(0.0, 0.0, 0.0), intensity=(1e30,) * 3)
+    same = DirectionalLight(name="same", type="directional", direction=(0, 0, -1), irradiance=(1e5,) * 3)  # L = V
+    lights = (behind, grazing, inside, same)
+    n = len(lights)
+    specular = SpecularSpec(f0=0.028, roughness=roughness, strength=strength)
+    whole = scene(with_maps=False, specular=specular)
+    tiny = PreviewLobe({1001: np.full((n, 1, 1, 3), 1e-8, np.float32)}, (1.0, 1.0, 1.0), 0.0)
+    huge = PreviewLobe({1001: np.full((n, 1, 1, 3), 1e30, np.float32)}, (0.5, 0.5, 0.5), 1e3)
+    one = {1001: np.ones((n, 1, 1, 3), np.float32)}
+    hard = replace(
+        whole, lights=lights, lobes=(tiny, huge), irradiance=one, visibility={1001: np.ones((n, 1, 1), np.float32)}
+    )
+    with Studio(hard) as opened:
+        for mode in MODES[:4]:
+            rgba = opened.draw(view(hard.mesh, "front", 1.0), (65, 65), mode).rgba
+            assert np.isfinite(rgba).all()
+            assert rgba.min() >= 0
+
+
+def test_a_lambertian_quad_gives_back_its_exitance_over_pi(studio):
+    white = SkinMaps()
+    one = {1001: np.ones((1, 3, 5, 3), np.float16)}
+    plain = replace(
+        scene(),
+        mesh=quad(60.0, 60.0),
+        lights=LIGHTS[:1],
+        lobes=(PreviewLobe(one, (0.25, 0.5, 1.0), 0.0),),
+        irradiance=one,
+        visibility={1001: np.ones((1, 3, 5), np.float16)},
+        maps=white,
+        energy_conservation=False,
+    )
+    rgba = draw(plain, view(plain.mesh, "front", 1.0), (21, 21), Mode("diffuse")).rgba
+    np.testing.assert_allclose(rgba[10, 10], [0.25 / np.pi, 0.5 / np.pi, 1 / np.pi, 1.0], rtol=1e-6)
+
+
+def test_a_lobe_of_the_wrong_shape_is_refused():
+    whole = scene()
+    short = replace(whole.lobes[0], rgb={1001: whole.lobes[0].rgb[1001][:2]})
+    with pytest.raises(ValueError, match=r"lobe 0, tile 1001: expected shape \(5, h, w, 3\)"):
+        replace(whole, lobes=(short,))
