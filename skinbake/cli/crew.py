@@ -6,8 +6,8 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import connection
 from multiprocessing.connection import Connection
@@ -44,7 +44,7 @@ class Crew:
         todo = [(name, self.retries) for name in payloads]
         results: dict[str, dict[str, Any]] = {}
         crew: list[_Worker] = []
-        with _fewer_threads(self.workers):
+        with fewer_threads(self.workers):
             try:
                 while todo or any(worker.name for worker in crew):
                     stop = not keep_going and any(result["status"] == "failed" for result in results.values())
@@ -161,22 +161,17 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-class _fewer_threads:
-    """The machine's threads divided among `workers` processes, in the environment they inherit."""
-
-    def __init__(self, workers: int) -> None:
-        self.workers = workers
-        self.before: dict[str, str | None] = {}
-
-    def __enter__(self) -> None:
-        for name in _THREADS:
-            self.before[name] = os.environ.get(name)
-            given = self.before[name] or ""
-            total = int(given) if given.isdigit() and int(given) > 0 else processors()
-            os.environ[name] = str(max(1, total // self.workers))
-
-    def __exit__(self, *_: object) -> None:
-        for name, value in self.before.items():
+@contextmanager
+def fewer_threads(workers: int) -> Iterator[None]:
+    """Divide the machine's threads among `workers` processes, in the environment they inherit."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    for name, value in before.items():
+        total = int(value) if value and value.isdigit() and int(value) > 0 else processors()
+        os.environ[name] = str(max(1, total // workers))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)
             else:

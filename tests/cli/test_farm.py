@@ -1,0 +1,129 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+
+import pytest
+
+from tests.conftest import ROOT
+
+pytest.importorskip("distributed", reason="the extra `farm` is not installed")
+
+CLIENT = """
+import json, sys
+from skinbake.cli import farm
+from skinbake.cli.farm import run_on_dask
+from tests.cli.fake_jobs import work
+if __name__ == "__main__":
+    address, payloads = sys.argv[1], json.loads(sys.argv[2])
+    farm.CONNECT_S, events = 5, []
+    listen = lambda name, event: events.append((name, event["event"]))
+    found = run_on_dask(address, work, payloads, listen, **json.loads(sys.argv[3]))
+    print(json.dumps({"results": found, "events": events}))
+"""
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"}
+
+
+def dask(*arguments, cwd=None):
+    command = [sys.executable, "-m", "dask", *arguments]
+    return subprocess.Popen(command, cwd=cwd, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """A scheduler and two workers, each a process of its own, on loopback: the address and the workers."""
+    file = tmp_path / "scheduler.json"
+    with ExitStack() as stack:
+        processes = [
+            dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
+        ]
+        stack.callback(lambda: [(p.kill(), p.wait()) for p in processes])
+        wait_for(lambda: file.exists() and file.read_text().strip().endswith("}"))
+        workers = [
+            dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny", "--no-dashboard",
+                 "--local-directory", str(tmp_path / f"worker{i}"))
+            for i in range(2)
+        ]  # fmt: skip
+        processes += workers
+        yield json.loads(file.read_text())["address"], workers
+
+
+def wait_for(condition, seconds=60):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.05)
+
+
+def client(tmp_path, address, payloads, **options):
+    """The client in a process of its own, as `skinbake batch` is."""
+    (tmp_path / "client.py").write_text(CLIENT)
+    return subprocess.Popen(
+        [sys.executable, str(tmp_path / "client.py"), address, json.dumps(payloads), json.dumps(options)],
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def lines(log):
+    return [line.split() for line in log.read_text().splitlines()] if log.exists() else []
+
+
+def test_a_lost_worker_s_job_is_taken_up_by_another(tmp_path, cluster):
+    """Two workers, one killed in the middle of its job: every job ends once, and all results arrive."""
+    address, workers = cluster
+    log = tmp_path / "log"
+    payloads = {f"job{i}": {"value": i, "seconds": 0.7, "log": str(log)} for i in range(6)}
+    with client(tmp_path, address, payloads) as process:
+        wait_for(lambda: len({pid for what, _, pid in lines(log) if what == "begin"}) == 2)
+        victim = workers[0]
+        wait_for(lambda: any(pid == str(victim.pid) for what, _, pid in lines(log)[-2:] if what == "begin"))
+        victim.send_signal(signal.SIGKILL)
+        out, err = process.communicate(timeout=90)
+    assert process.returncode == 0, err
+    found = json.loads(out.splitlines()[-1])
+    assert [found["results"][name]["status"] for name in payloads] == ["done"] * 6
+    assert [found["results"][name]["value"] for name in payloads] == list(range(6))
+    ended = [value for what, value, _ in lines(log) if what == "end"]
+    begun = [value for what, value, _ in lines(log) if what == "begin"]
+    assert sorted(ended) == [str(i) for i in range(6)], "a job ended twice, or never"
+    assert len(begun) == 7, "the lost job begins a second time"
+    assert ["job0", "stage"] in found["events"]
+
+
+def test_failures_arrive_and_do_not_stop_the_others(tmp_path, cluster):
+    """A job that says no and one that breaks are told; bad input is not tried again."""
+    log = tmp_path / "log"
+    payloads = {
+        "a": {"do": "fail", "value": 0, "log": str(log)},
+        "b": {"do": "raise", "value": 1, "log": str(log)},
+        "c": {"value": 2, "log": str(log)},
+    }
+    with client(tmp_path, cluster[0], payloads, retries=0) as process:
+        out, err = process.communicate(timeout=90)
+    assert process.returncode == 0, err
+    results = json.loads(out.splitlines()[-1])["results"]
+    assert [results[name]["status"] for name in "abc"] == ["failed", "failed", "done"]
+    assert "no such mesh" in results["a"]["error"]
+    assert "no such mesh" in results["b"]["error"]
+
+
+def test_local_starts_a_cluster_of_its_own(tmp_path):
+    """`--dask local` needs nothing beside it."""
+    with client(tmp_path, "local", {n: {"value": n} for n in "abc"}, workers=2) as process:
+        out, err = process.communicate(timeout=90)
+    assert process.returncode == 0, err
+    results = json.loads(out.splitlines()[-1])["results"]
+    assert [results[name]["value"] for name in "abc"] == ["a", "b", "c"]
+
+
+def test_no_scheduler_is_told(tmp_path):
+    """The message says how to start one."""
+    with client(tmp_path, "tcp://127.0.0.1:9", {"a": {}}) as process:
+        _, err = process.communicate(timeout=90)
+    assert "MachineError: --dask tcp://127.0.0.1:9: no scheduler answers there; `dask scheduler` starts one" in err
