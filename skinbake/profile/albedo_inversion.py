@@ -37,4 +37,5 @@ def albedo_inversion(reflectance: ArrayLike, fit: Literal["chiang", "wrenninge"]
     root = a**0.25
     low = 1.8260523782 * np.arctan((4.98511194385 + 0.127355959438) * a) ** 1.09686102424
     high = 0.496310210422 * np.arctan((4.23190299701 + 0.00310603949088) * a) ** 2.40602999408
-    return (1 - root) * low + root * high
+    # The fit overshoots 1 by 0.002 at A = 1; its users clamp it here
+    return np.minimum((1 - root) * low + root * high, 0.999999)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from skinbake.numerics import Float
 from skinbake.profile.fit_nodes import FitNodes
+from skinbake.profile.starts import dense_fit, merged
 from skinbake.profile.weights import best_weights, zero_sum_basis
 
 # Consecutive variances stay this far apart: closer ones make the scaled Gram matrix singular, THEORY 4.3
@@ -66,7 +68,8 @@ class Fitter:
         # A dark channel keeps zero weights; the others count alike
         self.wanted = wanted / np.where(self.lit, self.norm, 1)
         self.min_log_ratio = np.log(MIN_RATIO_SIGNED if signed else MIN_RATIO)
-        self.log_range = self._log_range()
+        self.log_range = self._log_variance_at(SHARE_RANGE[0])[0], self._log_variance_at(SHARE_RANGE[1])[1]
+        self._last: tuple[Float, tuple[Float, Float, Float]] | None = None
 
     def fit(self, count: int, starts: Iterable[Float] = ()) -> Projection:
         """Best `count` Gaussians found from several starting places, and from `starts` (each of `count` variances).
@@ -118,6 +121,12 @@ class Fitter:
         return Projection(variance_mm2, weight * np.where(self.lit, self.norm, 0), np.where(self.lit, error, 0))
 
     def _weights(self, log_v: Float) -> tuple[Float, Float, Float]:
+        """Weighted columns, their slopes by ln v, best weights; kept, since the Jacobian follows its residual."""
+        if self._last is None or not np.array_equal(self._last[0], log_v):
+            self._last = log_v.copy(), self._best(log_v)
+        return self._last[1]
+
+    def _best(self, log_v: Float) -> tuple[Float, Float, Float]:
         value, slope = self.nodes.basis(np.exp(log_v))
         columns = value * self.nodes.root_weight[:, None]
         slope = slope * self.nodes.root_weight[:, None]
@@ -153,21 +162,26 @@ class Fitter:
         wall[0, -1] = WALL * (log_v[-1] > self.log_range[1])
         return np.concatenate([*blocks, wall])
 
-    def _log_range(self) -> tuple[float, float]:
-        return self._log_variance_at(SHARE_RANGE[0])[0], self._log_variance_at(SHARE_RANGE[1])[1]
+    @cached_property
+    def _dense(self) -> tuple[Float, list[Float]]:
+        return dense_fit(self.nodes, self.wanted, self.log_range)
 
     def _log_variance_at(self, share: float) -> tuple[float, float]:
         """ln v whose window holds `share` of the light, least and greatest over the lit channels."""
-        if not hasattr(self, "_window"):
-            log_v = np.linspace(np.log(1e-14), np.log(1e18), 1200)
-            shares = np.maximum.accumulate(self.nodes.window_share(np.exp(log_v)), axis=0)
-            self._window = log_v, shares / shares[-1].clip(1e-300)
         log_v, shares = self._window
         at = [np.interp(share, shares[:, c], log_v) for c in np.flatnonzero(self.lit)]
         return float(min(at)), float(max(at))
 
+    @cached_property
+    def _window(self) -> tuple[Float, Float]:
+        """Grid of ln v, and the shares of light under its windows."""
+        log_v = np.linspace(np.log(1e-14), np.log(1e18), 1200)
+        shares = np.maximum.accumulate(self.nodes.window_share(np.exp(log_v)), axis=0)
+        return log_v, shares / shares[-1].clip(1e-300)
+
     def _starts(self, count: int) -> list[Float]:
-        starts = []
+        log_v, importances = self._dense
+        starts = [np.exp(merged(log_v, importance, count)) for importance in importances]
         for low, high in STARTS if count > 1 else ((0.3, 0.3), (0.7, 0.7)):
             first, last = self._log_variance_at(low)[0], self._log_variance_at(high)[1]
             starts.append(np.exp(np.linspace(first, max(last, first + (count - 1) * self.min_log_ratio), count)))
