@@ -4,6 +4,7 @@ from skinbake.atlas.interpolate import interpolate
 from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, mm_per_texel, uv_jacobian
 from skinbake.atlas.raster import FIRST_TILE, NO_FACE, Atlas, AtlasRaster
 from skinbake.atlas.rasterize import rasterize, signed_uv_area, tile_origin, tiles_of
+from skinbake.atlas.report import UvReport, report_picture, uv_report
 from skinbake.atlas.sample import sample_map, shrink
 
 __all__ = [
@@ -11,15 +12,18 @@ __all__ = [
     "NO_FACE",
     "Atlas",
     "AtlasRaster",
+    "UvReport",
     "face_mm_per_texel",
     "first_fundamental_form",
     "interpolate",
     "mm_per_texel",
     "rasterize",
+    "report_picture",
     "sample_map",
     "shrink",
     "signed_uv_area",
     "tile_origin",
     "tiles_of",
     "uv_jacobian",
+    "uv_report",
 ]

@@ -1,0 +1,191 @@
+"""What a texture artist should know of a mesh's UVs before baking, and what of it would spoil the bake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from skinbake.atlas.metric import first_fundamental_form
+from skinbake.atlas.raster import NO_FACE, Atlas
+from skinbake.atlas.rasterize import signed_uv_area, tile_origin
+from skinbake.numerics import Float, safe_div
+from skinbake.scene.mesh import SkinMesh
+
+SPOILT_SHARE = 0.01  # of the skin's area, lost or doubled in UV, above which a bake is not worth starting
+GOOD, OVERLAP, FLIPPED, OUTSIDE = 0, 1, 2, 3
+
+
+@dataclass(frozen=True)
+class UvReport:
+    """Counts are triangles; shares are of the mesh's area.
+
+    Attributes
+    ----------
+    extent_mm : tuple of 3 floats
+    area_mm2 : float
+    triangles, open_edges : int
+    inside_out : bool
+        The mesh is closed and its triangles turn inwards.
+    mm_per_texel : tuple of 3 floats
+        Square root of the texel's area on the skin, its 5, 50 and 95 % quantiles by area.
+    stretch_95 : float
+        95 % quantile by area of the longest over the shortest length of a UV circle on the skin.
+    coverage : float
+        Share of the texture that charts cover.
+    overlapping, flipped, degenerate, outside : int
+        Sharing texels with another triangle; turned against the majority; without UV area though with skin; with UVs
+        outside [0, 1] (or left of the UDIM tiles).
+    overlapping_share, degenerate_share, outside_share : float
+    face_kind : ndarray of shape (F,), uint8
+        GOOD, OVERLAP, FLIPPED or OUTSIDE, for a picture.
+    """
+
+    extent_mm: tuple[float, float, float]
+    area_mm2: float
+    triangles: int
+    open_edges: int
+    inside_out: bool
+    mm_per_texel: tuple[float, float, float]
+    stretch_95: float
+    coverage: float
+    overlapping: int
+    flipped: int
+    degenerate: int
+    outside: int
+    overlapping_share: float
+    degenerate_share: float
+    outside_share: float
+    face_kind: NDArray[np.uint8]
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What would spoil a bake, with the remedy; empty for a mesh that can be baked."""
+        found = []
+        if self.inside_out:
+            found.append("the triangles face inwards: flip the mesh's faces and normals")
+        if self.outside_share > SPOILT_SHARE:
+            found.append(
+                f"{self.outside} triangles ({self.outside_share:.1%} of the skin) lie outside the texture:"
+                " set texture.udim: true for UDIM tiles, or move the charts into [0, 1]"
+            )
+        if self.degenerate_share > SPOILT_SHARE:
+            found.append(
+                f"{self.degenerate} triangles ({self.degenerate_share:.1%} of the skin) have no UV area:"
+                " unwrap them, or remove the UVs and set texture.unwrap: xatlas"
+            )
+        if self.overlapping_share > SPOILT_SHARE:
+            found.append(
+                f"{self.overlapping} triangles ({self.overlapping_share:.1%} of the skin) share texels with others:"
+                " mirrored or stacked charts cannot hold two lightings, give each its own place"
+            )
+        return tuple(found)
+
+
+def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
+    """Measure the UVs of a mesh on its atlas."""
+    area, uv_area = mesh.face_area_mm2, signed_uv_area(mesh)
+    total = max(float(area.sum()), 1e-300)
+    height, width = atlas[0].shape
+    drawn = uv_area != 0
+    flipped = drawn & (np.sign(uv_area) != np.sign(uv_area[drawn].sum()))
+    degenerate = ~drawn & (area > 1e-12 * total)
+
+    outside = drawn.copy()
+    overlapping = np.zeros(len(area), np.bool_)
+    for raster in atlas:
+        origin = np.asarray(tile_origin(raster.tile))
+        local = mesh.corner_uv - origin
+        outside &= (local < -1e-6).any(axis=(1, 2)) | (local > 1 + 1e-6).any(axis=(1, 2))
+        corner_xy = np.stack([local[..., 0] * width, (1 - local[..., 1]) * height], axis=-1)
+        _mark_overlaps(corner_xy, uv_area != 0, raster.face_index, overlapping)
+
+    kind = np.full(len(area), GOOD, np.uint8)
+    kind[flipped] = FLIPPED
+    kind[overlapping] = OVERLAP
+    kind[outside] = OUTSIDE
+    e, f, h = first_fundamental_form(mesh).T
+    element = np.sqrt(np.maximum(e * h - f * f, 0)) / (width * height)
+    spread = np.sqrt(np.maximum((e - h) ** 2 / 4 + f * f, 0))
+    stretch = np.sqrt(safe_div((e + h) / 2 + spread, np.maximum((e + h) / 2 - spread, 1e-12 * (e + h))))
+    open_edges, inside_out = _closure(mesh)
+    return UvReport(
+        extent_mm=tuple(float(x) for x in np.ptp(mesh.positions_mm, axis=0)),  # type: ignore[arg-type]
+        area_mm2=float(area.sum()),
+        triangles=len(area),
+        open_edges=open_edges,
+        inside_out=inside_out,
+        mm_per_texel=tuple(_quantile(np.sqrt(element)[drawn], area[drawn], q) for q in (0.05, 0.5, 0.95)),  # type: ignore[arg-type]
+        stretch_95=_quantile(stretch[drawn], area[drawn], 0.95),
+        coverage=float(np.mean([raster.coverage.mean(dtype=np.float64) for raster in atlas])),
+        overlapping=int(overlapping.sum()),
+        flipped=int(flipped.sum()),
+        degenerate=int(degenerate.sum()),
+        outside=int(outside.sum()),
+        overlapping_share=float(area[overlapping].sum() / total),
+        degenerate_share=float(area[degenerate].sum() / total),
+        outside_share=float(area[outside].sum() / total),
+        face_kind=kind,
+    )
+
+
+def report_picture(report: UvReport, atlas: Atlas) -> list[NDArray[np.uint8]]:
+    """A picture of each tile, (H, W, 3): charts grey, overlaps red, flipped blue, reaching outside yellow."""
+    colours = np.array([[170, 170, 170], [214, 39, 40], [31, 119, 240], [240, 190, 30]], np.uint8)
+    pictures = []
+    for raster in atlas:
+        picture = np.full((*raster.shape, 3), 24, np.uint8)
+        covered = raster.covered & (raster.face_index != NO_FACE)
+        picture[covered] = colours[report.face_kind[raster.face_index[covered]]]
+        pictures.append(picture)
+    return pictures
+
+
+def _quantile(values: Float, weights: Float, q: float) -> float:
+    if not len(values):
+        return 0.0
+    order = np.argsort(values)
+    cumulative = np.cumsum(weights[order])
+    return float(values[order][min(np.searchsorted(cumulative, q * cumulative[-1]), len(values) - 1)])
+
+
+def _closure(mesh: SkinMesh) -> tuple[int, bool]:
+    """Edges with one face only, and whether a closed mesh encloses a negative volume."""
+    a, b = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
+    key = np.minimum(a, b) * len(mesh.positions_mm) + np.maximum(a, b)
+    _, count = np.unique(key[a != b], return_counts=True)
+    open_edges = int(np.count_nonzero(count == 1))
+    p = mesh.corner_position_mm - mesh.positions_mm.mean(axis=0)
+    volume = np.einsum("ij,ij->", np.cross(p[:, 0], p[:, 1]), p[:, 2]) / 6
+    # A head with an open neck still encloses most of its volume
+    closed_enough = open_edges < 0.05 * max(len(count), 1)
+    return open_edges, bool(closed_enough and volume < 0)
+
+
+@njit(cache=True)
+def _mark_overlaps(
+    corner_xy: Float, drawn: NDArray[np.bool_], face_index: NDArray[np.int32], marked: NDArray[np.bool_]
+) -> None:
+    """Mark faces that hold a texel's centre which another face shows, and that other face."""
+    height, width = face_index.shape
+    for f in range(len(corner_xy)):
+        if not drawn[f]:
+            continue
+        x0, y0 = corner_xy[f, 0, 0], corner_xy[f, 0, 1]
+        x1, y1 = corner_xy[f, 1, 0], corner_xy[f, 1, 1]
+        x2, y2 = corner_xy[f, 2, 0], corner_xy[f, 2, 1]
+        total = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
+        for row in range(max(int(min(y0, y1, y2)), 0), min(int(max(y0, y1, y2)) + 1, height)):
+            for col in range(max(int(min(x0, x1, x2)), 0), min(int(max(x0, x1, x2)) + 1, width)):
+                other = face_index[row, col]
+                if other in (f, NO_FACE):
+                    continue
+                x, y = col + 0.5, row + 0.5
+                b1 = ((x - x0) * (y2 - y0) - (y - y0) * (x2 - x0)) / total
+                b2 = ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / total
+                # Well inside: a centre on a shared edge belongs to both neighbours
+                if b1 > 1e-6 and b2 > 1e-6 and b1 + b2 < 1 - 1e-6:
+                    marked[f] = True
+                    marked[other] = True

@@ -1,0 +1,140 @@
+"""`skinbake check CONFIG`: what a bake would meet, before it is started."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinbake.cli.options import config_argument, json_option, quiet_option, set_option
+
+if TYPE_CHECKING:
+    from skinbake.scene.spec import SceneSpec
+
+PICTURE = "uv_check.png"
+
+
+@click.command("check")
+@config_argument
+@click.option("--out", type=click.Path(file_okay=False), help=f"Folder for {PICTURE}, a picture of overlaps and flips.")
+@set_option
+@json_option
+@quiet_option
+def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: bool, verbosity: int) -> None:
+    """Report on units, texels, UVs, maps, memory, time and file sizes of CONFIG. Exit 2 on what would spoil a bake."""
+    import json
+
+    from skinbake.errors import InputError
+    from skinbake.io.config import load_look
+
+    spec = load_look(config, overrides)
+    report, pictures, faults = examine(spec)
+    if out is not None:
+        from skinbake.io.image import write_png
+
+        for i, (tile, picture) in enumerate(pictures):
+            name = PICTURE if len(pictures) == 1 else f"uv_check.{tile}.png"
+            write_png(Path(out) / name, picture)
+            report["pictures"] = [*report.get("pictures", []), str(Path(out) / name)] if i else [str(Path(out) / name)]
+    if as_json:
+        click.echo(json.dumps(report | {"faults": faults}, indent=1))
+    elif verbosity:
+        click.echo(readable(report))
+    if faults:
+        raise InputError("\n".join(f"{spec.mesh.path}: {fault}" for fault in faults))
+
+
+def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], list[str]]:
+    """The report as a mapping, a picture for each tile, and the faults that would spoil a bake."""
+    from skinbake.atlas.report import report_picture, uv_report
+    from skinbake.io.scene_files import read_scene
+    from skinbake.io.table import read_profile_csv
+    from skinbake.pipeline import atlas_of
+    from skinbake.profile import fit_skin
+
+    scene = read_scene(spec)
+    atlas = atlas_of(spec, scene.mesh)
+    uv = uv_report(scene.mesh, atlas)
+    path = getattr(spec.skin, "path", None)
+    gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians
+    texel_mm = max(uv.mm_per_texel[1], 1e-12)
+    sizes = {
+        name: [list(image.shape[1::-1]) for image in getattr(scene.maps, name).values()]
+        for name in ("albedo", "normal", "roughness", "specular")
+    }
+    report = {
+        "mesh": {
+            "path": spec.mesh.path,
+            "extent_mm": [round(x, 2) for x in uv.extent_mm],
+            "area_mm2": round(uv.area_mm2, 1),
+            "triangles": uv.triangles,
+            "open_edges": uv.open_edges,
+        },
+        "uv": {
+            "size": list(spec.texture.size),
+            "tiles": [raster.tile for raster in atlas],
+            "coverage": round(uv.coverage, 4),
+            "mm_per_texel_5_50_95": [round(x, 4) for x in uv.mm_per_texel],
+            "stretch_95": round(uv.stretch_95, 3),
+            "overlapping": uv.overlapping,
+            "flipped": uv.flipped,
+            "degenerate": uv.degenerate,
+            "outside": uv.outside,
+            "overlapping_share": uv.overlapping_share,
+            "degenerate_share": uv.degenerate_share,
+            "outside_share": uv.outside_share,
+        },
+        "lobes": [
+            {"sigma_mm": round(float(v) ** 0.5, 4), "sigma_texels": round(float(v) ** 0.5 / texel_mm, 3)}
+            for v in gaussians.variance_mm2
+        ],
+        "maps": sizes,
+        "expected": expected(spec, len(atlas), uv.triangles, len(gaussians.variance_mm2)),
+    }
+    tiles = [raster.tile for raster in atlas]
+    return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), list(uv.faults)
+
+
+def expected(spec: SceneSpec, tiles: int, triangles: int, lobes: int) -> dict[str, float]:
+    """Rough memory, seconds and file sizes, from bakes of the sample head on two cores."""
+    texels = spec.texture.size[0] * spec.texture.size[1]
+    lights = len(spec.lights)
+    # Bytes a texel: atlas 24, surface 72, each light 16 and its albedo product 12, the lobes of one light at a time
+    held = texels * tiles * (24 + 28 * lights) + texels * (72 + 12 * min(lobes, 3) * lights)
+    seconds = 0.5 + 1e-6 * triangles + texels * tiles * (0.1e-6 + 0.12e-6 * lights + 0.03e-6 * lights * lobes)
+    stored = {"half": 2, "float": 4}[spec.output.precision] * (1.0 if spec.output.compression == "none" else 0.45)
+    per_light = 1 if spec.output.lights == "total" else 1 + lights
+    return {
+        "memory_mib": round(300 + held / 2**20),
+        "seconds": round(seconds, 1),
+        "irradiance_mib": round(texels * tiles * stored * (4 + 4 * lights) / 2**20, 1),
+        # Wide lobes are stored at a quarter of the size and less: two full ones are a fair guess for six
+        "lobes_mib": round(texels * tiles * stored * 3 * per_light * min(lobes, 2) / 2**20, 1),
+    }
+
+
+def readable(report: dict[str, Any]) -> str:
+    """The report for a terminal."""
+    mesh, uv, cost = report["mesh"], report["uv"], report["expected"]
+    low, middle, high = uv["mm_per_texel_5_50_95"]
+    lines = [
+        f"mesh      {' x '.join(f'{x:.0f}' for x in mesh['extent_mm'])} mm, {mesh['area_mm2'] / 100:.0f} cm2,"
+        f" {mesh['triangles']} triangles, {mesh['open_edges']} open edges",
+        f"texture   {uv['size'][0]} x {uv['size'][1]}, tiles {', '.join(map(str, uv['tiles']))},"
+        f" {uv['coverage']:.1%} covered",
+        f"texel     {middle:.3f} mm (5 % below {low:.3f}, 5 % above {high:.3f}), 95 % stretch {uv['stretch_95']:.2f}",
+        f"charts    {uv['overlapping']} overlapping, {uv['flipped']} flipped, {uv['degenerate']} without UV area,"
+        f" {uv['outside']} outside",
+        "lobes     sigma "
+        + ", ".join(f"{lobe['sigma_mm']:.3g} mm = {lobe['sigma_texels']:.3g} texels" for lobe in report["lobes"]),
+    ]
+    for name, sizes in report["maps"].items():
+        if sizes:
+            lines.append(f"{name:<9} " + ", ".join(f"{w} x {h}" for w, h in sizes))
+    lines.append(
+        f"expected  about {cost['memory_mib']} MiB, {cost['seconds']} s on two cores,"
+        f" irradiance {cost['irradiance_mib']} MiB, lobes {cost['lobes_mib']} MiB"
+    )
+    lines += [f"picture   {path}" for path in report.get("pictures", [])]
+    return "\n".join(lines)
