@@ -1,0 +1,108 @@
+"""`skinbake preview` writes the pictures asked for, the same each time, and says what it cannot do."""
+
+import cv2
+import numpy as np
+import pytest
+
+from skinbake.cli import run
+from skinbake.cli.preview import parse_lights, parse_size, render_still
+from skinbake.errors import InputError
+from skinbake.io.exr import read_parts
+from skinbake.preview.setup_gl import renderer_name
+from tests.preview.bakes import write_bake
+
+
+@pytest.fixture(scope="module")
+def bake(tmp_path_factory):
+    if renderer_name() is None:
+        pytest.skip("no headless OpenGL here (python -m skinbake.preview.setup_gl)")
+    return write_bake(tmp_path_factory.mktemp("look"))
+
+
+def picture(path):
+    return cv2.imread(str(path))[..., ::-1].astype(int)
+
+
+def test_without_a_display_the_still_of_the_look_is_written_into_the_bake(bake, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert run(["preview", str(bake)]) == 0
+    assert picture(bake / "preview.png").shape == (80, 60, 3)
+    assert str(bake / "preview.png") in capsys.readouterr().err
+
+
+def test_the_same_bytes_again(bake, tmp_path):
+    (first,) = render_still(bake, png=tmp_path / "a.png", exr=True)
+    (second,) = render_still(bake, png=tmp_path / "b.png", exr=True)
+    assert first.read_bytes() == second.read_bytes()
+    assert first.with_suffix(".exr").read_bytes() == second.with_suffix(".exr").read_bytes()
+
+
+def test_views_turntable_and_compare_name_their_files(bake, tmp_path):
+    assert run(["preview", str(bake), "--out", str(tmp_path / "v"), "--views", "front,left", "--size", "32x40"]) == 0
+    assert sorted(p.name for p in (tmp_path / "v").iterdir()) == ["preview_front.png", "preview_left.png"]
+    assert run(["preview", str(bake), "--out", str(tmp_path / "t"), "--turntable", "3", "--size", "24"]) == 0
+    frames = sorted((tmp_path / "t").iterdir())
+    assert [p.name for p in frames] == ["preview_0000.png", "preview_0001.png", "preview_0002.png"]
+    assert np.abs(picture(frames[0]) - picture(frames[1])).max() > 10
+    assert run(["preview", str(bake), "--png", str(tmp_path / "c.png"), "--compare", "--size", "40x30"]) == 0
+    both = picture(tmp_path / "c.png")
+    assert both.shape == (30, 80, 3)
+    render_still(bake, png=tmp_path / "n.png", mode="none", size=(40, 30))
+    render_still(bake, png=tmp_path / "f.png", size=(40, 30))
+    np.testing.assert_array_equal(
+        both, np.concatenate([picture(tmp_path / "n.png"), picture(tmp_path / "f.png")], axis=1)
+    )
+
+
+def test_lights_scale_the_float_picture(bake, tmp_path):
+    def linear(name, *options):
+        assert run(["preview", str(bake), "--exr", "--size", "50x40", "--png", str(tmp_path / name), *options]) == 0
+        return read_parts((tmp_path / name).with_suffix(".exr"))["preview"]
+
+    off = linear("off.png", "--lights", "key=0,rim=0")
+    one = linear("one.png", "--lights", "rim=0")
+    two = linear("two.png", "--lights", "key=2/1/0,rim=0")
+    assert off.rgb.max() == 0
+    assert off.channels["A"].max() == 1
+    np.testing.assert_allclose(two.rgb, one.rgb * [2, 1, 0], rtol=1e-6)
+
+
+def test_exposure_brightens_the_skin_and_leaves_the_background(bake, tmp_path):
+    render_still(bake, png=tmp_path / "a.png")
+    render_still(bake, png=tmp_path / "b.png", exposure=1.0)
+    dark, bright = picture(tmp_path / "a.png"), picture(tmp_path / "b.png")
+    np.testing.assert_array_equal(dark[0, 0], bright[0, 0])
+    assert (bright[40, 30] > dark[40, 30]).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--mode", "lobe:2"], "lobe:0 ... lobe:1, got lobe:2"),
+        (["--views", "top"], "view: expected front"),
+        (["--lights", "kicker=1", "--exr"], "expected names among key, rim, got kicker"),
+        (["--lights", "key"], "expected NAME=GAIN"),
+        (["--lights", "key=-1", "--exr"], "each >= 0"),
+        (["--size", "0x10"], "--size: expected WIDTHxHEIGHT"),
+        (["--png", "a.jpg"], "ends in .png"),
+        (["--png", "a.png", "--views", "front,left"], "give --out DIR for several"),
+    ],
+)
+def test_bad_options_are_refused_in_words(bake, monkeypatch, capsys, options, message):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert run(["preview", str(bake), *options]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_folder_without_a_bake_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert run(["preview", str(tmp_path)]) == 2
+    assert "bake.json" in capsys.readouterr().err
+
+
+def test_options_are_read_as_people_write_them():
+    assert parse_size("512") == (512, 512)
+    assert parse_size("800x1000") == (800, 1000)
+    assert parse_lights("key=1.5, rim=1/0.9/0.8") == {"key": [1.5] * 3, "rim": [1.0, 0.9, 0.8]}
+    with pytest.raises(InputError):
+        parse_size("12x13x14")

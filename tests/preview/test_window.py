@@ -1,0 +1,124 @@
+"""The window shows what the headless picture shows, and its keys and mouse change it."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+DRIVE = """
+import json, sys
+import numpy as np
+from pyglet.window import key, mouse
+from skinbake.preview.tonemap import tonemap
+from skinbake.preview.window import PreviewWindow
+from skinbake.scene.spec import PreviewSpec
+from tests.preview.scenes import scene
+
+window = PreviewWindow(scene(), PreviewSpec(size=(260, 420), background_rgb=(0.05, 0.02, 0.1)))
+said, shots = {}, {}
+
+def shoot(name):
+    window.window.dispatch_events()
+    shots[name] = window.pixels()
+    said[name] = window.lines
+
+def press(symbol):
+    window.window.dispatch_event("on_key_press", symbol, 0)  # queued until dispatch_events
+
+shoot("full")
+linear = window.renderer.target.read()
+over = linear[..., :3] + (1 - linear[..., 3:]) * np.array([0.05, 0.02, 0.1])
+shots["numpy"] = tonemap(over)
+for name, symbol in (("specular", key.S), ("diffuse", key.D), ("none", key.N), ("lobe", key._1), ("again", key.F)):
+    press(symbol); shoot(name)
+press(key.TAB); press(key.UP); shoot("brighter lamp")
+press(key.L); shoot("lamp alone")
+[press(key.PERIOD) for _ in range(8)]; shoot("moved")
+press(key.H); shoot("help")
+press(key.H); press(key.R); shoot("reset")
+press(key.BRACKETRIGHT); shoot("exposed"); press(key.BRACKETLEFT)
+window.window.dispatch_event("on_mouse_drag", 50, 50, 40, 10, mouse.LEFT, 0); shoot("orbit")
+window.window.dispatch_event("on_mouse_drag", 50, 50, 40, 10, mouse.LEFT, key.MOD_SHIFT); shoot("pan")
+window.window.dispatch_event("on_mouse_scroll", 50, 50, 0, 3); shoot("zoom")
+press(key.V); shoot("view")
+press(key.Q)
+window.run()
+said["exit"] = window.window.has_exit
+np.savez(sys.argv[1], **shots)
+print(json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    xvfb = shutil.which("Xvfb")
+    if xvfb is None:
+        pytest.skip("Xvfb is not installed (apt install xvfb)")
+    read, write = os.pipe()
+    server = subprocess.Popen(
+        [xvfb, "-displayfd", str(write), "-screen", "0", "800x600x24", "-nolisten", "tcp"],
+        pass_fds=[write],
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        os.close(write)
+        with os.fdopen(read) as pipe:
+            display = pipe.readline().strip()
+        assert display, "Xvfb did not start"
+        shots = tmp_path_factory.mktemp("window") / "shots.npz"
+        environment = {k: v for k, v in os.environ.items() if k != "PYOPENGL_PLATFORM"}
+        done = subprocess.run(
+            [sys.executable, "-c", DRIVE, str(shots)],
+            env=environment | {"DISPLAY": f":{display}"},
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stderr
+        yield json.loads(done.stdout.splitlines()[-1]), dict(np.load(shots))
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def differs(a, b):
+    """Share of pixels more than 1 of 255 apart, below the text."""
+    return (np.abs(a[150:].astype(int) - b[150:]) > 1).any(axis=-1).mean()
+
+
+def test_the_screens_view_transform_is_tonemap_to_a_step_of_eight_bits(driven):
+    _, shots = driven
+    step = np.abs(shots["full"].astype(int) - shots["numpy"])[150:]  # below the text
+    assert step.max() <= 1
+
+
+def test_each_key_shows_its_part(driven):
+    _, shots = driven
+    for name in ("specular", "diffuse", "none", "lobe", "exposed", "orbit", "pan", "zoom", "view"):
+        assert differs(shots["full"], shots[name]) > 0.05, name
+    assert differs(shots["full"], shots["again"]) == 0
+    assert differs(shots["full"], shots["reset"]) == 0
+
+
+def test_lights_are_live(driven):
+    said, shots = driven
+    assert differs(shots["again"], shots["brighter lamp"]) > 0.02
+    assert shots["lamp alone"][150:, :, :].astype(int).sum() < shots["brighter lamp"][150:].astype(int).sum()
+    assert differs(shots["lamp alone"], shots["moved"]) > 0.001  # its specular moved with it
+    assert any("lamp" in line and "stale" in line for line in said["moved"])
+    assert not any("stale" in line for line in said["reset"])
+
+
+def test_the_text_tells_frame_rate_and_help(driven):
+    said, _ = driven
+    assert "fps" in said["full"][0]
+    assert any("orbit" in line for line in said["help"])
+    assert said["exit"] is True
