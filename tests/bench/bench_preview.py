@@ -1,0 +1,133 @@
+"""Frames a second of the preview beside pyrender's own shader: same mesh, camera, lights, 4 samples a pixel, in one run.
+
+`python -m tests.bench.bench_preview [head.obj]`. Frames alternate, so that whatever else the machine does slows both.
+Target: at least 0.8 times the speed of pyrender's shader, which has one texture and no scattering, with six lobes.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from skinbake.io.mesh import read_mesh
+from skinbake.preview.camera import view
+from skinbake.preview.draw import Studio
+from skinbake.preview.geometry import vertex_buffers
+from skinbake.preview.mode import Mode
+from skinbake.preview.scene import PreviewLobe, PreviewScene
+from skinbake.scene.lights import DirectionalLight
+from skinbake.scene.maps import SkinMaps
+from tests.shapes import sphere
+
+TARGET = 0.8
+LOBE_SIZES = (2048, 2048, 1024, 1024, 512, 256)
+FRAMES = 15
+HEAD = Path(__file__).parents[2] / "data" / "head.obj"
+
+
+def bench_scene(path: Path) -> PreviewScene:
+    """The sample head (or a sphere of as many triangles) with textures of the sizes that a 2048^2 bake stores."""
+    mesh = read_mesh(path, 1.0, any_size=True) if path.is_file() else sphere(110.0, "latlong", 144)
+    rng = np.random.default_rng(0)
+
+    def texture(size: int, channels: int) -> np.ndarray:
+        return rng.random((3, size, size, channels), dtype=np.float32).astype(np.float16)
+
+    lights = tuple(
+        DirectionalLight(name=f"light{i}", type="directional", direction=(x, -0.5, z), irradiance=(2.0,) * 3)
+        for i, (x, z) in enumerate(((-1, -1), (1, -1), (0.5, 1)))
+    )
+    lobes = tuple(PreviewLobe({1001: texture(s, 3)}, (0.2,) * 3, 3.0**i / 100) for i, s in enumerate(LOBE_SIZES))
+    maps = SkinMaps(
+        albedo={1001: np.ones((1024, 1024, 3), np.float16)},
+        normal={1001: np.ascontiguousarray(np.broadcast_to(np.array([0, 0, 1], np.float16), (1024, 1024, 3)))},
+        roughness={1001: np.full((1024, 1024), 0.3, np.float16)},
+    )
+    irradiance, visibility = {1001: texture(2048, 3)}, {1001: texture(2048, 1)[..., 0]}
+    return PreviewScene(mesh, lights, lobes, irradiance, visibility, maps, energy_conservation=True)
+
+
+def stock_graph(scene: PreviewScene, camera):
+    """The same mesh, camera and lights for pyrender's own renderer, with a texture of 2048^2."""
+    import pyrender
+
+    buffers = vertex_buffers(scene.mesh, (1001,))[1001]
+    skin = np.random.default_rng(0).integers(90, 200, (2048, 2048, 3)).astype(np.uint8)
+    material = pyrender.MetallicRoughnessMaterial(
+        baseColorTexture=pyrender.Texture(source=skin, source_channels="RGB"), metallicFactor=0.0, roughnessFactor=0.5
+    )
+    primitive = pyrender.Primitive(
+        buffers.position_mm, buffers.normal, texcoord_0=buffers.uv, indices=buffers.faces, material=material
+    )
+    graph = pyrender.Scene(bg_color=np.zeros(4))
+    graph.add(pyrender.Mesh([primitive]))
+    for turn in (-40, 40, 160):
+        graph.add(pyrender.DirectionalLight(intensity=2.0), pose=camera.turned(turn).pose)
+    lens = pyrender.PerspectiveCamera(yfov=np.radians(camera.yfov_deg), znear=50.0, zfar=5000.0)
+    graph.main_camera_node = graph.add(lens, pose=camera.pose)
+    return graph
+
+
+def main(path: Path = HEAD) -> int:
+    """Measure, print, and give 1 where the target is missed."""
+    scene = bench_scene(path)
+    camera = view(scene.mesh, "three-quarter", 1.0)
+    slow = False
+    with Studio(scene) as studio:
+        from OpenGL import GL
+        from pyrender.constants import RenderFlags
+        from pyrender.renderer import Renderer
+
+        from skinbake.preview.target import FloatTarget
+
+        class Stock(Renderer):
+            """pyrender's renderer as it is, but for reading the frame back, which neither side does here."""
+
+            def _read_main_framebuffer(self, scene, flags):
+                return None
+
+        graph, ours = stock_graph(scene, camera), studio._renderer
+        ours.fold = True
+        print(f"{studio.device}: {len(scene.mesh.faces)} triangles, lobes {LOBE_SIZES}, {len(scene.lights)} lights")
+        for size in (512, 1024):
+            stock = Stock(size, size)
+            if ours.target is not None:
+                ours.target.delete()
+            ours.target = FloatTarget(size, size, samples=4, half=True)
+
+            def draw_ours():
+                ours.draw(camera)
+                ours.target.resolve()
+                GL.glFinish()
+
+            def draw_stock(stock=stock):
+                stock.render(graph, RenderFlags.OFFSCREEN)
+                GL.glFinish()
+
+            seconds = {"full": [], "none": [], "stock": []}
+            for frame in range(FRAMES + 2):
+                for name in seconds:
+                    start = time.perf_counter()
+                    if name == "stock":
+                        draw_stock()
+                    else:
+                        ours.mode = Mode(name)
+                        draw_ours()
+                    if frame >= 2:  # the first frames compile and upload
+                        seconds[name].append(time.perf_counter() - start)
+            stock.delete()
+            median = {name: float(np.median(values)) for name, values in seconds.items()}
+            ratio = median["stock"] / median["full"]
+            slow |= ratio < TARGET
+            print(
+                f"{size:5d}^2  six lobes + specular {1 / median['full']:7.1f} fps   without scattering "
+                f"{1 / median['none']:7.1f} fps   pyrender's shader {1 / median['stock']:7.1f} fps   ratio {ratio:.2f}"
+            )
+    return int(slow)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*(Path(argument) for argument in sys.argv[1:])))
