@@ -1,4 +1,4 @@
-"""Frames a second of the preview beside pyrender's own shader: same mesh, camera, lights, 4 samples a pixel, in one run.
+"""Frames a second of the preview beside pyrender's own shader: same mesh, camera, lights, samples a pixel, in one run.
 
 `python -m tests.bench.bench_preview [head.obj]`. Frames alternate, so that whatever else the machine does slows both.
 Target: at least 0.8 times the speed of pyrender's shader, which has one texture and no scattering, with six lobes.
