@@ -15,15 +15,14 @@ SMALLEST_U = 2.0**-24  # a radius of about 49 d; u = 0 would be infinite
 
 
 def burley_reflectance(d_mm: Float, albedo: Float, radius_mm: Float) -> Float:
-    """R(r), mm^-2, shape (C, N); THEORY (8.1). Infinite at r = 0, where `burley_disc_mean` is what can be stored.
+    """R(r), mm^-2, shape (C, N), for r > 0; THEORY (8.1). It has no value at 0, where `burley_disc_mean` is stored.
 
     References
     ----------
     [Burley2015], [Christensen2015]
     """
     d, r = np.asarray(d_mm)[:, None], radius_mm[None, :]
-    with np.errstate(divide="ignore"):
-        return np.asarray(albedo)[:, None] * (np.exp(-r / d) + np.exp(-r / (3 * d))) / (8 * np.pi * d * r)
+    return np.asarray(albedo)[:, None] * (np.exp(-r / d) + np.exp(-r / (3 * d))) / (8 * np.pi * d * r)
 
 
 def burley_cdf(d_mm: ArrayLike, radius_mm: ArrayLike) -> Float:
@@ -32,7 +31,7 @@ def burley_cdf(d_mm: ArrayLike, radius_mm: ArrayLike) -> Float:
     return -np.expm1(-x) / 4 - 3 * np.expm1(-x / 3) / 4
 
 
-def burley_disc_mean(d_mm: Float, albedo: Float, disc_mm: Float) -> Float:
+def burley_disc_mean(d_mm: Float, albedo: Float, disc_mm: float) -> Float:
     """Mean of R over a disc of radius `disc_mm` > 0 about r = 0, mm^-2, shape (C,)."""
     return albedo * burley_cdf(d_mm, disc_mm) / (np.pi * disc_mm**2)
 

@@ -19,7 +19,7 @@ from skinbake.profile.layers import Layer, sharp_stack_transmittance, stack_resp
 from skinbake.profile.medium import Medium
 from skinbake.profile.slab import Array, ThinLayers, half_space
 
-ROUND_OFF = 1e-9  # share of R(0) below which a negative R(r) is taken as 0, THEORY section 10
+ROUND_OFF = 1e-9  # of the flux that entered, spread over r + the shortest length: a negative R(r) this small is 0
 
 
 @dataclass(frozen=True)
@@ -131,14 +131,15 @@ class LayeredProfile(SpectralProfile):
 
     def _inverse(self, transform: Transform, radius_mm: ArrayLike) -> Float:
         first = np.min([layer.medium.sigma_tr_per_mm for layer in self.layers], axis=0)
-        radius = np.append(as_radii(radius_mm), 0.0)
+        radius = as_radii(radius_mm)
+        shortest, longest = self.lengths_mm
         digits = 13 if len(first) <= 3 else 8  # wavelengths: many, and measured to few digits
         # A few radii at a time keeps many wavelengths within the cache
         parts = np.array_split(radius, max(1, len(radius) * len(first) // 200))
-        values = np.concatenate([inverse_hankel(transform, part, first, *self.lengths_mm, digits).T for part in parts])
-        # Far out the result is round-off of either sign; anything larger is not round-off and is shown as it is
-        round_off = (values < 0) & (np.abs(values) < ROUND_OFF * np.abs(values[-1]))
-        return np.where(round_off, 0.0, values)[:-1] @ self.to_rgb.T
+        values = np.concatenate([inverse_hankel(transform, r, first, shortest, longest, digits).T for r in parts])
+        # Where nothing is left the integral is round-off of either sign; larger negative values are shown as they are
+        round_off = ROUND_OFF / (2 * np.pi * (radius + shortest) ** 2)
+        return np.where((values < 0) & (-values < round_off[:, None]), 0.0, values) @ self.to_rgb.T
 
     @property
     def lengths_mm(self) -> tuple[float, float]:
@@ -168,8 +169,9 @@ class BurleyProfile(SpectralProfile):
     def reflectance(self, radius_mm: ArrayLike) -> Float:
         """R(r) by THEORY (8.1)."""
         radius = as_radii(radius_mm)
-        at_zero = burley_disc_mean(self.d_mm, self.albedo, np.float64(self.footprint_mm))  # type: ignore[arg-type]
-        return np.where((radius == 0)[:, None], at_zero, burley_reflectance(self.d_mm, self.albedo, radius).T)
+        at_zero = burley_disc_mean(self.d_mm, self.albedo, self.footprint_mm)
+        elsewhere = burley_reflectance(self.d_mm, self.albedo, np.where(radius > 0, radius, 1.0)).T
+        return np.where((radius == 0)[:, None], at_zero, elsewhere)
 
     @property
     def total_reflectance(self) -> Float:

@@ -43,9 +43,9 @@ def test_hankel_transform():
 
 def test_disc_mean_is_finite_where_the_profile_is_not():
     """At r = 0 the profile rises without bound; its mean over a small disc is finite."""
-    assert burley_reflectance(D, ONE, np.zeros(1))[0, 0] == np.inf
+    assert burley_reflectance(D, ONE, np.full(1, 1e-300))[0, 0] > 1e290
     profile = BurleyProfile(np.full(3, 0.7), np.ones(3))
-    assert profile.reflectance(0.0)[0, 0] == pytest.approx(burley_disc_mean(D, ONE, np.float64(0.035))[0])
+    assert profile.reflectance(0.0)[0, 0] == pytest.approx(burley_disc_mean(D, ONE, 0.035)[0])
 
 
 def test_vectors(agrees):
