@@ -1,0 +1,100 @@
+"""`.tx` files for renderers: tiled half-float EXR with mip levels, made by OpenImageIO from the bake's own files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.errors import InputError
+from skinbake.io.atomic import atomic_write
+from skinbake.io.exr import Part, read_attributes, read_parts
+from skinbake.io.irradiance import LIGHT, TOTAL
+
+NO_DATE = "1970:01:01 00:00:00"  # the library stamps the time otherwise: the same bake would give other bytes
+
+
+def tx_path(exr: Path, light: str | None = None) -> Path:
+    """`lobe_0.tx` of lobe_0.exr, `lobe_0.key.tx` of its light "key"; a tile's number stays last."""
+    stem, dot, tile = exr.stem.partition(".")
+    return exr.with_name(f"{stem}{f'.{light}' if light else ''}{dot}{tile}.tx")
+
+
+def write_tx(exr: Path, coverage: NDArray[np.floating] | None = None) -> list[Path]:
+    """Write the total of one of our EXR files, and each light in it, as .tx beside it.
+
+    Texels off the charts are filled from the closest ones, so that mip levels do not draw black over the borders.
+
+    Parameters
+    ----------
+    coverage : ndarray of shape (H, W), optional
+        Share of each texel on a chart; may be larger than the image. Without it, what is not black is on a chart.
+
+    Raises
+    ------
+    InputError
+        The file is none of ours.
+    """
+    written = []
+    for name, part in read_parts(exr).items():
+        light = name.removeprefix(LIGHT) if name.startswith(LIGHT) else None
+        if light is None and name != TOTAL:
+            raise InputError(f"{exr}: expected parts {TOTAL} and {LIGHT}NAME, got {name}")
+        path = tx_path(exr, light)
+        _write(path, part, _known(part.rgb, coverage))
+        written.append(path)
+    return written
+
+
+def is_current(exr: Path) -> bool:
+    """Whether every .tx of an EXR was made from it as it is now."""
+    try:
+        for name, header in read_attributes(exr).items():
+            path = tx_path(exr, name.removeprefix(LIGHT) if name.startswith(LIGHT) else None)
+            if _identity(header) != next(iter(read_attributes(path).values())).get("skinbake:source"):
+                return False
+    except InputError:
+        return False
+    return True
+
+
+def _identity(header: dict[str, Any]) -> str:
+    """What tells one baking of a part from another."""
+    return f"{header.get('skinbake:key', '')} {header.get('skinbake:inputs', '')} {header['size']}"
+
+
+def _known(rgb: NDArray[np.float32], coverage: NDArray[np.floating] | None) -> NDArray[np.bool_]:
+    """Texels with a value of their own: on a chart, or in its filled gutter."""
+    known: NDArray[np.bool_] = np.any(rgb > 0, axis=-1)
+    if coverage is not None:
+        rows, columns = np.nonzero(coverage > 0)
+        height, width = known.shape
+        known[rows * height // coverage.shape[0], columns * width // coverage.shape[1]] = True
+    return known
+
+
+def _write(path: Path, part: Part, known: NDArray[np.bool_]) -> None:
+    import OpenImageIO as oiio  # noqa: TID251  (io.image reads through it; textures for renderers are written here)
+
+    rgba = np.dstack([part.rgb * known[..., None], known.astype(np.float32)])
+    image = oiio.ImageBuf(np.ascontiguousarray(rgba, np.float32))
+    filled = oiio.ImageBufAlgo.channels(oiio.ImageBufAlgo.fillholes_pushpull(image), (0, 1, 2))
+    spec = filled.specmod()
+    for name, value in part.attributes.items():
+        if name.startswith("skinbake:") and isinstance(value, str | int | float):
+            spec.attribute(name, value)
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), part.attributes["chromaticities"])
+    header = dict(part.attributes) | {"size": [known.shape[1], known.shape[0]]}
+    spec.attribute("skinbake:source", _identity(header))
+    spec.attribute("oiio:ColorSpace", "lin_rec709")
+    spec.attribute("DateTime", NO_DATE)
+    half = all(channel.dtype == np.float16 for channel in part.channels.values())
+    how = oiio.ImageSpec()
+    how.attribute("maketx:fileformatname", "openexr")
+    how.attribute("wrapmodes", "clamp,clamp")
+    how.set_format("half" if half else "float")
+    with atomic_write(path) as temporary:
+        if not oiio.ImageBufAlgo.make_texture(oiio.MakeTxTexture, filled, str(temporary), how):
+            raise OSError(f"{path}: {oiio.geterror()}")
