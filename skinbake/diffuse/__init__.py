@@ -1,0 +1,26 @@
+"""Light leaving the skin: each Gaussian's blur of the light that arrives, and how wrong it is."""
+
+from skinbake.diffuse.diffuse import diffuse
+from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, MeasuredError, PlanLine
+from skinbake.diffuse.error import measure_error
+from skinbake.diffuse.memory import memory_needed_bytes
+from skinbake.diffuse.plan import plan_lobes
+from skinbake.diffuse.reference import reference_integral
+from skinbake.diffuse.surface import surface_blur, surface_light
+from skinbake.diffuse.texture import texture_blur, texture_pyramid
+
+__all__ = [
+    "DiffuseMap",
+    "Lobe",
+    "MeasuredError",
+    "PlanLine",
+    "diffuse",
+    "measure_error",
+    "memory_needed_bytes",
+    "plan_lobes",
+    "reference_integral",
+    "surface_blur",
+    "surface_light",
+    "texture_blur",
+    "texture_pyramid",
+]

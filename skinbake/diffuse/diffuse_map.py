@@ -21,12 +21,18 @@ class Lobe:
     rgb : dict of int to ndarray of shape (L, h, w, 3), float32
         By tile; h, w may be smaller than the texture and are then read by bilinear lookup at the same (u, v).
         Gutter filled, so that bilinear reading is right up to the chart's border.
+    error : MeasuredError, optional
+        Of this lobe alone.
+    total_rgb : tuple of 3 floats, optional
+        Area-weighted total of the lobe over that of the light which arrived, per channel over all lights.
     """
 
     variance_mm2: float
     weight_rgb: tuple[float, float, float]
     method: str
     rgb: dict[int, NDArray[np.float32]]
+    error: MeasuredError | None = None
+    total_rgb: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -52,9 +58,24 @@ class PlanLine:
 
 @dataclass(frozen=True)
 class DiffuseMap:
-    """All lobes, narrowest first, with what is known of their error and the plan that chose their methods."""
+    """All lobes, narrowest first, with what is known of their error and the plan that chose their methods.
+
+    Attributes
+    ----------
+    lights : tuple of str
+    lobes : tuple of Lobe
+    error : MeasuredError, optional
+        Of the weighted sum of the lobes as they are read back; None without probes.
+    plan : tuple of PlanLine
+    tolerance_met : bool
+        Whether `error.rms` is within the tolerance that was asked for; True without probes.
+    advice : str
+        When it is not: the knob that would help.
+    """
 
     lights: tuple[str, ...]
     lobes: tuple[Lobe, ...]
     error: MeasuredError | None
     plan: tuple[PlanLine, ...] = ()
+    tolerance_met: bool = True
+    advice: str = ""

@@ -1,0 +1,221 @@
+"""Area-weighted clusters of texels: a moment pyramid over the texture, cut where the skin inside a block is small enough.
+
+Texels next to one another in a chart are next to one another on the skin, so a quadtree over the texture is already a
+spatial hierarchy; where a block holds two charts, its spread in space says so and the cut goes deeper. The cut adapts to
+the local stretch by itself, and costs one pass over the texels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.diffuse.points import TexelPoints
+
+MIN_ALIGNMENT = 0.8  # |mean of unit normals| below this: the block bends too much to be one cluster
+_MOMENTS = 8  # area, centroid x y z, spread, normal x y z
+
+
+@dataclass(frozen=True)
+class MomentPyramid:
+    """Levels 1, 2, ... of one tile; level k blocks are 2^k texels wide.
+
+    Attributes
+    ----------
+    moments : tuple of ndarray of shape (h, w, 8), float32
+        area_mm2, centroid (3), spread_mm2 (trace of the area-weighted covariance / 2: variance along each tangent
+        direction), mean normal (3, not unit).
+    radiosity : tuple of ndarray of shape (h, w, C), float32
+        Area-weighted mean.
+    """
+
+    moments: tuple[NDArray[np.float32], ...]
+    radiosity: tuple[NDArray[np.float32], ...]
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """Cut of the pyramids of all tiles, in raster order of each level, widest level first.
+
+    Attributes
+    ----------
+    position, normal : ndarray of shape (S, 3), float32
+    area_mm2, spread_mm2 : ndarray of shape (S,), float32
+        `spread_mm2` is 0 for a single texel.
+    texel_mm2 : ndarray of shape (S,), float32
+        Of a single texel; 0 for a block.
+    radiosity : ndarray of shape (S, C), float32
+    """
+
+    position: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    area_mm2: NDArray[np.float32]
+    spread_mm2: NDArray[np.float32]
+    texel_mm2: NDArray[np.float32]
+    radiosity: NDArray[np.float32]
+
+
+def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], levels: int) -> MomentPyramid:
+    """Moments of blocks of 2, 4, ... 2^levels texels.
+
+    Parameters
+    ----------
+    radiosity : ndarray of shape (H * W, C), float32
+        By flat texel.
+    """
+    moments, means = [], []
+    fine_moments = np.empty((0, 0, _MOMENTS), np.float32)
+    fine_mean = np.empty((0, 0, radiosity.shape[1]), np.float32)
+    height, width = points.row.shape
+    for _ in range(levels):
+        height, width = (height + 1) // 2, (width + 1) // 2
+        coarse = np.zeros((height, width, _MOMENTS), np.float32)
+        mean = np.zeros((height, width, radiosity.shape[1]), np.float32)
+        if not moments:
+            _first_level(points.row, points.position, points.normal, points.area_mm2, radiosity, coarse, mean)
+        else:
+            _next_level(fine_moments, fine_mean, coarse, mean)
+        moments.append(coarse)
+        means.append(mean)
+        fine_moments, fine_mean = coarse, mean
+    return MomentPyramid(tuple(moments), tuple(means))
+
+
+def cut_clusters(
+    tiles: tuple[tuple[TexelPoints, NDArray[np.float32], MomentPyramid], ...], max_spread_mm2: float
+) -> Clusters:
+    """The widest blocks whose spread is at most `max_spread_mm2` and whose normals agree; single texels elsewhere."""
+    parts: list[tuple[NDArray[np.float32], ...]] = []
+    channels = tiles[0][1].shape[1]
+    for points, radiosity, pyramid in tiles:
+        taken = np.zeros((1, 1), np.uint8)
+        for moments, mean in zip(reversed(pyramid.moments), reversed(pyramid.radiosity), strict=True):
+            now = np.zeros(moments.shape[:2], np.uint8)
+            per_row = np.zeros(len(moments), np.int64)
+            _mark(moments, taken, max_spread_mm2, MIN_ALIGNMENT, now, per_row)
+            start = np.concatenate([[0], np.cumsum(per_row)])
+            out = np.empty((start[-1], _MOMENTS), np.float32), np.empty((start[-1], channels), np.float32)
+            _emit(moments, mean, now, start, *out)
+            parts.append((*out, np.zeros(len(out[0]), np.float32)))
+            taken = now
+        parts.append(_single_texels(points, radiosity, taken))
+    block, radiosity_out, texel_mm2 = (np.concatenate([p[i] for p in parts]) for i in range(3))
+    normal = block[:, 5:8]
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.float32(1e-12))
+    return Clusters(
+        np.ascontiguousarray(block[:, 1:4]), np.ascontiguousarray(normal), block[:, 0].copy(), block[:, 4].copy(),
+        texel_mm2, radiosity_out,
+    )  # fmt: skip
+
+
+def _single_texels(
+    points: TexelPoints, radiosity: NDArray[np.float32], taken: NDArray[np.uint8]
+) -> tuple[NDArray[np.float32], ...]:
+    width = points.row.shape[1]
+    keep = points.area_mm2 > 0
+    if taken.shape != (1, 1) or taken[0, 0]:
+        keep &= taken[points.flat_index // width // 2, points.flat_index % width // 2] == 0
+    index = np.flatnonzero(keep)
+    block = np.zeros((len(index), _MOMENTS), np.float32)
+    block[:, 0], block[:, 1:4], block[:, 5:8] = points.area_mm2[index], points.position[index], points.normal[index]
+    return block, radiosity[points.flat_index[index]], points.texel_mm2[index]
+
+
+@njit(cache=True, parallel=True)
+def _first_level(row_of, position, normal, area, radiosity, out, mean):  # type: ignore[no-untyped-def]
+    height, width = row_of.shape
+    for i in prange(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = np.float32(0)
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    k = row_of[r, c]
+                    if k < 0 or area[k] <= 0:
+                        continue
+                    total += area[k]
+                    for axis in range(3):
+                        out[i, j, 1 + axis] += area[k] * position[k, axis]
+                        out[i, j, 5 + axis] += area[k] * normal[k, axis]
+                    for q in range(mean.shape[2]):
+                        mean[i, j, q] += area[k] * radiosity[r * width + c, q]
+            if total <= 0:
+                continue
+            _divide(out[i, j], mean[i, j], total)
+            spread = np.float32(0)
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    k = row_of[r, c]
+                    if k >= 0 and area[k] > 0:
+                        for axis in range(3):
+                            d = position[k, axis] - out[i, j, 1 + axis]
+                            spread += area[k] * d * d
+            out[i, j, 4] = spread / total * np.float32(0.5)
+
+
+@njit(cache=True, parallel=True)
+def _next_level(fine, fine_mean, out, mean):  # type: ignore[no-untyped-def]
+    height, width = fine.shape[:2]
+    for i in prange(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = np.float32(0)
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    a = fine[r, c, 0]
+                    total += a
+                    for axis in range(3):
+                        out[i, j, 1 + axis] += a * fine[r, c, 1 + axis]
+                        out[i, j, 5 + axis] += a * fine[r, c, 5 + axis]
+                    for q in range(mean.shape[2]):
+                        mean[i, j, q] += a * fine_mean[r, c, q]
+            if total <= 0:
+                continue
+            _divide(out[i, j], mean[i, j], total)
+            # Parallel axes: spread about the common centroid, without the cancellation of raw second moments
+            spread = np.float32(0)
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    a = fine[r, c, 0]
+                    away = np.float32(0)
+                    for axis in range(3):
+                        d = fine[r, c, 1 + axis] - out[i, j, 1 + axis]
+                        away += d * d
+                    spread += a * (fine[r, c, 4] + away * np.float32(0.5))
+            out[i, j, 4] = spread / total
+
+
+@njit(cache=True, inline="always")
+def _divide(moments, mean, total):  # type: ignore[no-untyped-def]
+    moments[0] = total
+    for axis in range(3):
+        moments[1 + axis] /= total
+        moments[5 + axis] /= total
+    for q in range(mean.shape[0]):
+        mean[q] /= total
+
+
+@njit(cache=True, parallel=True)
+def _mark(moments, parent, max_spread, min_alignment, now, per_row):  # type: ignore[no-untyped-def]
+    """now: 0 open, 1 a cluster, 2 inside a wider one."""
+    for i in prange(moments.shape[0]):
+        for j in range(moments.shape[1]):
+            m = moments[i, j]
+            if parent[min(i // 2, parent.shape[0] - 1), min(j // 2, parent.shape[1] - 1)] > 0:
+                now[i, j] = 2
+            elif m[0] > 0 and m[4] <= max_spread:
+                if m[5] * m[5] + m[6] * m[6] + m[7] * m[7] >= min_alignment * min_alignment:
+                    now[i, j] = 1
+                    per_row[i] += 1
+
+
+@njit(cache=True, parallel=True)
+def _emit(moments, mean, now, start, to_moments, to_mean):  # type: ignore[no-untyped-def]
+    for i in prange(moments.shape[0]):
+        k = start[i]
+        for j in range(moments.shape[1]):
+            if now[i, j] == 1:
+                to_moments[k] = moments[i, j]
+                to_mean[k] = mean[i, j]
+                k += 1

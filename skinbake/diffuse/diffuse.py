@@ -1,0 +1,200 @@
+"""From light that arrives to light that leaves: every Gaussian of the profile, and the error of their sum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas
+from skinbake.diffuse.auto import plan_auto
+from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, MeasuredError, PlanLine
+from skinbake.diffuse.diffuser import Diffuser, Tiles
+from skinbake.diffuse.error import measure_error, weighted_sum
+from skinbake.diffuse.memory import check_memory
+from skinbake.diffuse.plan import LobePlan, plan_lines, plan_lobes
+from skinbake.diffuse.probes import VERIFY, Probes, draw_probes
+from skinbake.errors import InputError
+from skinbake.numerics import Float
+from skinbake.profile.gaussian_sum import GaussianSum
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import DiffusionSpec
+
+
+def diffuse(
+    source: dict[int, NDArray[np.float32]],
+    lights: tuple[str, ...],
+    atlas: Atlas,
+    mesh: SkinMesh,
+    gaussians: GaussianSum,
+    spec: DiffusionSpec,
+    seed: int,
+    precision: str = "half",
+    progress: Callable[[str], None] | None = None,
+) -> DiffuseMap:
+    """Blur light by each Gaussian and measure the error of the sum.
+
+    Parameters
+    ----------
+    source : dict of int to ndarray of shape (L, H, W, 3), float32
+        By tile: light that arrives, times albedo^x when it is coloured before scattering; also in the gutter.
+    lights : tuple of L str
+    atlas : Atlas
+        Of the same tiles and size.
+    seed : int
+        Of the probes.
+    precision : "half" or "float"
+        What the lobes will be written as; its rounding is part of the storage error.
+    progress : callable, optional
+        Told in words what begins.
+
+    Returns
+    -------
+    DiffuseMap
+        Lobes narrowest first. A light gives the same lobes alone as together with others (for the same plan).
+
+    Raises
+    ------
+    InputError
+        If a texel of `source` is not finite: named by tile, row and column.
+    MachineError
+        If the memory would not do.
+
+    References
+    ----------
+    [dEon2007], [Jensen2002]
+    """
+    tiles = _checked(source, lights, atlas)
+    check_memory(atlas[0].shape, len(lights), len(atlas), len(gaussians.variance_mm2), spec.method)
+    tell = progress or (lambda _: None)
+    scaled, exponent = _scaled(tiles)
+    diffuser = Diffuser(scaled, atlas, mesh, spec)
+
+    lines: list[PlanLine] = []
+    if spec.method == "auto":
+        tell("planning lobes")
+        plans, lines = plan_auto(diffuser, gaussians, seed, precision)
+    else:
+        plans = plan_lobes(diffuser, gaussians)
+        lines = plan_lines(plans, gaussians)
+
+    made: list[Tiles] = []
+    for i, (plan, variance) in enumerate(zip(plans, gaussians.variance_mm2, strict=True)):
+        tell(f"lobe {i}: {plan.method}")
+        made.append(diffuser.map(plan.method, float(variance), plan.level))
+
+    error, by_lobe = None, [None] * len(plans)
+    if spec.probes:
+        tell("measuring the error")
+        points = [p for p, _, _ in diffuser.surface.tiles]
+        probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY)
+        if len(probes):
+            error, by_lobe = _errors(diffuser, plans, made, gaussians, probes, precision)
+    met = error is None or error.rms <= spec.tolerance
+    return DiffuseMap(
+        lights=lights,
+        lobes=tuple(
+            Lobe(
+                variance_mm2=float(v),
+                weight_rgb=tuple(float(w) for w in weight),  # type: ignore[arg-type]
+                method=plan.method,
+                rgb={r.tile: _unscaled(rgb, exponent) for r, rgb in zip(atlas, values, strict=True)},
+                error=own,
+                total_rgb=_total(diffuser, values, plan.level),
+            )
+            for v, weight, plan, values, own in zip(
+                gaussians.variance_mm2, gaussians.weight_rgb, plans, made, by_lobe, strict=True
+            )
+        ),
+        error=error,
+        plan=tuple(lines),
+        tolerance_met=met,
+        advice="" if met or error is None else _advice(spec, error),
+    )
+
+
+def _checked(source: dict[int, NDArray[np.float32]], lights: tuple[str, ...], atlas: Atlas) -> Tiles:
+    tiles = []
+    for raster in atlas:
+        values = source.get(raster.tile)
+        want = (len(lights), *raster.shape, 3)
+        if values is None or values.shape != want:
+            got = "nothing" if values is None else str(values.shape)
+            raise InputError(f"irradiance of tile {raster.tile}: expected shape {want}, got {got}")
+        if not np.isfinite(values.sum(dtype=np.float64)):
+            bad = np.argwhere(~np.isfinite(values))
+            if len(bad):
+                light, row, col, _ = bad[0]
+                raise InputError(
+                    f"irradiance of tile {raster.tile}: light {lights[light]} is not finite at row {row}, column {col} "
+                    f"({len(bad)} values): expected finite light"
+                )
+        tiles.append(np.ascontiguousarray(values, dtype=np.float32))
+    return tiles
+
+
+def _scaled(tiles: Tiles) -> tuple[Tiles, list[int]]:
+    """Each light by a power of two, if sums of it could leave float32; the exponents that were taken off."""
+    exponents = []
+    for k in range(tiles[0].shape[0]):
+        peak = max(float(np.abs(t[k]).max(initial=0)) for t in tiles)
+        exponents.append(int(np.frexp(peak)[1]) if peak > 0 and not 1e-12 < peak < 1e12 else 0)
+    if not any(exponents):
+        return tiles, exponents
+    factor = np.exp2(-np.asarray(exponents, np.float64))[:, None, None, None]
+    return [(t * factor).astype(np.float32) for t in tiles], exponents
+
+
+def _unscaled(rgb: NDArray[np.float32], exponents: list[int]) -> NDArray[np.float32]:
+    if not any(exponents):
+        return rgb
+    return (rgb * np.exp2(np.asarray(exponents, np.float64))[:, None, None, None]).astype(np.float32)
+
+
+def _errors(
+    diffuser: Diffuser,
+    plans: tuple[LobePlan, ...],
+    made: list[Tiles],
+    gaussians: GaussianSum,
+    probes: Probes,
+    precision: str,
+) -> tuple[MeasuredError, list[MeasuredError | None]]:
+    exact, unreduced, read = [], [], []
+    for plan, values, variance in zip(plans, made, gaussians.variance_mm2, strict=True):
+        exact.append(diffuser.reference(float(variance), probes))
+        unreduced.append(diffuser.at(plan.method, float(variance), plan.level, probes))
+        read.append(diffuser.read(values, probes, precision == "half"))
+    total = measure_error(*(weighted_sum(x, gaussians.weight_rgb) for x in (read, unreduced, exact)))
+    return total, [measure_error(*each) for each in zip(read, unreduced, exact, strict=True)]
+
+
+def _total(diffuser: Diffuser, values: Tiles, level: int) -> tuple[float, float, float]:
+    """Area-weighted total of a lobe over the light's."""
+    leaves = np.zeros(3)
+    arrives = np.zeros(3)
+    for k, rgb in enumerate(values):
+        points = diffuser.surface.tiles[k][0]
+        here = diffuser.targets(level)[k] if level else points
+        leaves += _area_sum(rgb, here.flat_index, here.area_mm2)
+        arrives += _area_sum(diffuser.source[k], points.flat_index, points.area_mm2)
+    ratio = np.divide(leaves, arrives, out=np.ones(3), where=arrives > 0)
+    return float(ratio[0]), float(ratio[1]), float(ratio[2])
+
+
+def _area_sum(rgb: NDArray[np.float32], flat: NDArray[np.int32], area: NDArray[np.float32]) -> Float:
+    total = np.zeros(3)
+    for light in rgb:
+        total += np.dot(area.astype(np.float64), light.reshape(-1, 3)[flat].astype(np.float64))
+    return total
+
+
+def _advice(spec: DiffusionSpec, error: MeasuredError) -> str:
+    head = f"measured rms {error.rms:.2%} is above diffusion.tolerance {spec.tolerance:.2%}: "
+    if error.storage > error.method:
+        return head + "storage is the larger part; set output.precision to float, or raise texture.size"
+    if spec.method in ("texture", "stretch"):
+        return head + "the method is the larger part; set diffusion.method to auto or surface"
+    return head + "the method is the larger part; raise texture.size, or the tolerance"
+
+

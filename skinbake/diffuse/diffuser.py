@@ -1,0 +1,171 @@
+"""Everything the methods share for one bake: the light, its pyramids, and the skin points at each stored size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import FIRST_TILE, Atlas, rasterize
+from skinbake.diffuse.points import TexelPoints, texel_points
+from skinbake.diffuse.probes import Probes, read_bilinear
+from skinbake.diffuse.reference import reference_integral
+from skinbake.diffuse.surface import SurfaceLight, evaluate, lobe_sources, surface_light
+from skinbake.diffuse.texture import (
+    TexturePyramid,
+    level_size,
+    mean_mm_per_texel,
+    texture_at,
+    texture_blur,
+    texture_pyramids,
+)
+from skinbake.numerics import Float
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import DiffusionSpec
+
+LEVEL_GUTTER = 3  # texels around the charts of a smaller stored size: bilinear reading needs one
+Tiles = list[NDArray[np.float32]]
+
+
+class Diffuser:
+    """Methods by name on one light; whatever two lobes share is made once.
+
+    Parameters
+    ----------
+    source : sequence of ndarray of shape (L, H, W, 3), float32
+        In the order of the atlas.
+    """
+
+    def __init__(self, source: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: SkinMesh, spec: DiffusionSpec) -> None:
+        self.source, self.atlas, self.mesh, self.spec = list(source), atlas, mesh, spec
+        self.size = atlas[0].shape
+        self.lights = self.source[0].shape[0]
+        self._targets: dict[int, list[TexelPoints]] = {}
+
+    @cached_property
+    def surface(self) -> SurfaceLight:
+        """Light as clusters; a single light is not copied."""
+        flat = [
+            s[0] if self.lights == 1 else np.ascontiguousarray(s.transpose(1, 2, 0, 3)).reshape(*self.size, -1)
+            for s in self.source
+        ]
+        return surface_light(flat, self.atlas, self.mesh)
+
+    @cached_property
+    def pyramids(self) -> list[TexturePyramid]:
+        """Light as premultiplied images."""
+        return texture_pyramids(self.source, self.atlas)
+
+    @cached_property
+    def mm_per_texel(self) -> tuple[float, float]:
+        """The one texel size of the texture method, (row, column)."""
+        return mean_mm_per_texel(self.mesh, self.size)
+
+    def variance_texels2(self, variance_mm2: float) -> tuple[float, float]:
+        """A variance in texels of the full size, along rows and columns."""
+        return variance_mm2 / self.mm_per_texel[0] ** 2, variance_mm2 / self.mm_per_texel[1] ** 2
+
+    def targets(self, level: int) -> list[TexelPoints]:
+        """Skin points of each tile's texels at a stored size, continued beyond the charts' borders."""
+        if level not in self._targets:
+            atlas = self.atlas
+            if level > 0:
+                height, width = level_size(self.size, level)
+                udim = len(atlas) > 1 or atlas[0].tile != FIRST_TILE
+                again = {r.tile: r for r in rasterize(self.mesh, (width, height), LEVEL_GUTTER, udim)}
+                atlas = tuple(again[r.tile] for r in self.atlas)
+            self._targets[level] = [texel_points(r, self.mesh, self.surface.centre_mm, extend=True) for r in atlas]
+        return self._targets[level]
+
+    def map(self, method: str, variance_mm2: float, level: int) -> Tiles:
+        """One lobe at a stored size, (L, h, w, 3) a tile."""
+        if method == "identity":
+            return list(self.source)
+        if method == "texture":
+            t = self.variance_texels2(variance_mm2)
+            return [
+                texture_blur(p, t, level, s if level == 0 else None)
+                for p, s in zip(self.pyramids, self.source, strict=True)
+            ]
+        if method == "surface":
+            return self._surface_map(variance_mm2, level)
+        if method == "reference":
+            return self._reference_map(variance_mm2, level)
+        raise ValueError(f"method: expected identity, texture, stretch, surface or reference, got {method}")
+
+    def at(self, method: str, variance_mm2: float, level: int, probes: Probes) -> Float:
+        """The same lobe at probe points as the method gives it before any storage, (P, 3 L)."""
+        if method == "identity":
+            return self.at_texel(probes)
+        if method == "texture":
+            return texture_at(self.pyramids, self.variance_texels2(variance_mm2), level, probes)
+        if method == "surface":
+            return self._surface_points(variance_mm2, probes.position, probes.normal, probes.texel_mm2)
+        return self.reference(variance_mm2, probes)
+
+    def at_texel(self, probes: Probes) -> Float:
+        """The light that arrives at the probes, (P, 3 L)."""
+        out = np.zeros((len(probes), 3 * self.lights))
+        for k, source in enumerate(self.source):
+            mine = probes.tile == k
+            values = source.reshape(self.lights, -1, 3)[:, probes.flat_index[mine]]
+            out[mine] = values.transpose(1, 0, 2).reshape(-1, 3 * self.lights)
+        return out
+
+    def read(self, tiles: Tiles, probes: Probes, half: bool) -> Float:
+        """A stored lobe read bilinearly at the probes, (P, 3 L)."""
+        out = np.zeros((len(probes), 3 * self.lights))
+        for k, image in enumerate(tiles):
+            mine = probes.tile == k
+            out[mine] = read_bilinear(image, probes.place[mine], half)
+        return out
+
+    def reference(self, variance_mm2: float, probes: Probes) -> Float:
+        """The exact integral at the probes, (P, 3 L)."""
+        if variance_mm2 == 0:
+            return self.at_texel(probes)
+        return self._integral(variance_mm2, probes.position, probes.normal, probes.texel_mm2)
+
+    def _integral(
+        self, variance_mm2: float, position: NDArray[np.float32], normal: NDArray[np.float32], texel: NDArray[np.float32]
+    ) -> Float:
+        texels, rows = self.surface.texels
+        return reference_integral(
+            rows, texels.area_mm2[rows.order], texels.texel_mm2[rows.order], position, normal, texel, variance_mm2,
+            self.spec.separate, self.spec.normalise,
+        )  # fmt: skip
+
+    def _surface_map(self, variance_mm2: float, level: int) -> Tiles:
+        sources = lobe_sources(self.surface, variance_mm2)
+        tiles = []
+        for k, points in enumerate(self.targets(level)):
+            flat = np.zeros((points.row.size, 3 * self.lights), np.float32)
+            if level == 0:
+                flat[:] = self.surface.tiles[k][1]
+            evaluate(sources, points, self.spec.separate, self.spec.normalise, flat)
+            tiles.append(self._by_light(flat, points.row.shape))
+        return tiles
+
+    def _surface_points(
+        self, variance_mm2: float, position: NDArray[np.float32], normal: NDArray[np.float32], texel: NDArray[np.float32]
+    ) -> Float:
+        count = np.arange(len(position), dtype=np.int32)
+        points = TexelPoints(count[:, None], count, position, normal, np.zeros(len(count), np.float32), texel)
+        out = np.zeros((len(position), 3 * self.lights), np.float32)
+        evaluate(lobe_sources(self.surface, variance_mm2), points, self.spec.separate, self.spec.normalise, out)
+        return out.astype(np.float64)
+
+    def _reference_map(self, variance_mm2: float, level: int) -> Tiles:
+        tiles = []
+        for points in self.targets(level):
+            flat = np.zeros((points.row.size, 3 * self.lights), np.float32)
+            flat[points.flat_index] = self._integral(variance_mm2, points.position, points.normal, points.texel_mm2)
+            tiles.append(self._by_light(flat, points.row.shape))
+        return tiles
+
+    def _by_light(self, flat: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+        if self.lights == 1:
+            return flat.reshape(1, *shape, 3)
+        return np.ascontiguousarray(flat.reshape(*shape, self.lights, 3).transpose(2, 0, 1, 3))

@@ -1,0 +1,54 @@
+"""How wrong lobes are, at probes: against the exact integral, split into method and storage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from skinbake.diffuse.diffuse_map import MeasuredError
+from skinbake.numerics import Float
+
+
+def relative_rms(got: Float, want: Float, scale: Float | None = None) -> float:
+    """||got - want|| / ||scale or want||; 0 where both are nothing."""
+    norm = float(np.linalg.norm(want if scale is None else scale))
+    difference = float(np.linalg.norm(got - want))
+    return difference / norm if norm > 0 else (0.0 if difference == 0 else float("inf"))
+
+
+def measure_error(read: Float, unreduced: Float, exact: Float) -> MeasuredError:
+    """Error of what a reader of the files sees, and its two parts.
+
+    Parameters
+    ----------
+    read : ndarray of shape (P, C)
+        From the stored texture: its size, its precision, bilinear.
+    unreduced : ndarray of shape (P, C)
+        The method's own result at the same points.
+    exact : ndarray of shape (P, C)
+        The surface integral.
+    """
+    if not read.shape == unreduced.shape == exact.shape:
+        raise ValueError(f"measure_error: shapes differ: {read.shape}, {unreduced.shape}, {exact.shape}")
+    if exact.size == 0:
+        raise ValueError("measure_error: expected at least one probe")
+    mean = float(exact.mean())
+    relative = np.abs(read - exact) / mean if mean > 0 else np.abs(read - exact)
+    return MeasuredError(
+        rms=relative_rms(read, exact),
+        p95=float(np.percentile(relative, 95)),
+        max=float(relative.max()),
+        probes=len(exact),
+        method=relative_rms(unreduced, exact),
+        storage=relative_rms(read, unreduced, exact),
+    )
+
+
+def weighted_sum(lobes: Sequence[Float], weight_rgb: Float) -> Float:
+    """M = sum_i w_i lobe_i for (P, 3 L) values and (N, 3) weights."""
+    lights = lobes[0].shape[1] // 3
+    total = np.zeros_like(lobes[0])
+    for values, weight in zip(lobes, weight_rgb, strict=True):
+        total += values * np.tile(weight, lights)
+    return total

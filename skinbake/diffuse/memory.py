@@ -1,0 +1,54 @@
+"""What a bake will need before it begins."""
+
+from __future__ import annotations
+
+import os
+
+from skinbake.errors import MachineError
+
+
+def memory_needed_bytes(size: tuple[int, int], lights: int, tiles: int = 1, lobes: int = 6, method: str = "auto") -> int:
+    """Peak memory of the diffusion of full textures, an upper estimate from the arrays that live together.
+
+    Parameters
+    ----------
+    size : (height, width)
+    lights, tiles, lobes : int
+    method : str
+        `diffusion.method`.
+
+    Notes
+    -----
+    Per texel and tile: the atlas 20 bytes and the source 12 L are the caller's; each lobe kept at full size is 12 L (the
+    three narrowest lobes, as a rule; the others are stored smaller and add half of one). `texture` holds a premultiplied
+    copy with its pyramid, 16 L + 6. The 3-D methods hold points of the texels and of their extension (2 x 40), the sorted
+    sources (56 + 12 L), their moment pyramid (11 + 4 L) and, while sorting, keys and order (16).
+    """
+    texels = size[0] * size[1] * tiles
+    kept = min(lobes, 3.5) * 12 * lights
+    per_texel = 20 + 12 * lights + kept
+    texture = 16 * lights + 6
+    surface = 80 + 56 + 12 * lights + 11 + 4 * lights + 16 + (24 * lights if lights > 1 else 0)
+    if method == "texture":
+        # Probes are checked against the surface integral, which needs the sorted texels too
+        per_texel += texture + surface
+    else:
+        per_texel += surface
+    return int(texels * per_texel)
+
+
+def check_memory(size: tuple[int, int], lights: int, tiles: int, lobes: int, method: str) -> None:
+    """Refuse early what this machine cannot hold.
+
+    Raises
+    ------
+    MachineError
+        With the memory it would need and what to change.
+    """
+    needed = memory_needed_bytes(size, lights, tiles, lobes, method)
+    there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if needed > there:
+        raise MachineError(
+            f"diffusion of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about {needed / 2**30:.0f} GiB of "
+            f"memory, this machine has {there / 2**30:.0f} GiB: lower texture.size, or set output.lights to total"
+        )

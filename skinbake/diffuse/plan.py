@@ -1,0 +1,71 @@
+"""Which method and which stored size each lobe gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinbake.diffuse.diffuse_map import PlanLine
+from skinbake.diffuse.diffuser import Diffuser
+from skinbake.diffuse.texture import widest_level
+from skinbake.profile.gaussian_sum import GaussianSum
+
+# A hard edge of light, blurred by sigma and read bilinearly from texels of side h, is wrong by at most this (h / sigma)^2
+BILINEAR_EDGE_ERROR = 0.0303
+# Edges are a small part of a face: share of that error which the root mean square keeps
+_EDGE_SHARE = 0.1
+_STORAGE_SHARE = 0.25  # of the tolerance
+IDENTITY_TEXELS2 = 1e-3  # below this variance a lobe changes no texel by more than 4 x 5e-4 of its contrast
+
+
+@dataclass(frozen=True)
+class LobePlan:
+    """How one lobe is made.
+
+    Attributes
+    ----------
+    method : str
+        "identity", "texture", "stretch", "surface" or "reference".
+    level : int
+        Stored at the full size halved this many times.
+    """
+
+    method: str
+    level: int
+    why: str
+
+
+def plan_lobes(diffuser: Diffuser, gaussians: GaussianSum) -> tuple[LobePlan, ...]:
+    """The plan of a fixed method: sizes by the rule of bilinear reading, nothing measured."""
+    return tuple(fixed_plan(diffuser, diffuser.spec.method, float(v)) for v in gaussians.variance_mm2)
+
+
+def fixed_plan(diffuser: Diffuser, method: str, variance_mm2: float) -> LobePlan:
+    """One lobe by a given method, stored as small as the tolerance allows."""
+    texel_mm2 = diffuser.mm_per_texel[0] * diffuser.mm_per_texel[1]
+    ratio = variance_mm2 / texel_mm2 if texel_mm2 > 0 else 0.0
+    if ratio < IDENTITY_TEXELS2:
+        return LobePlan("identity", 0, f"sigma is {np.sqrt(ratio):.3f} texel: nothing to blur")
+    level = storage_level(diffuser, variance_mm2, diffuser.spec.tolerance)
+    return LobePlan(method, level, f"asked for; sigma is {np.sqrt(ratio) / 2**level:.1f} stored texels")
+
+
+def storage_level(diffuser: Diffuser, variance_mm2: float, tolerance: float) -> int:
+    """Coarsest level whose bilinear reading costs at most a quarter of the tolerance, by the estimate above."""
+    coarsest = widest_level(diffuser.variance_texels2(variance_mm2))
+    level = 0
+    while level < coarsest:
+        h2 = diffuser.surface.mean_texel_mm2 * 4 ** (level + 1)
+        if BILINEAR_EDGE_ERROR * _EDGE_SHARE * h2 / variance_mm2 > _STORAGE_SHARE * tolerance:
+            break
+        level += 1
+    return level
+
+
+def plan_lines(plans: tuple[LobePlan, ...], gaussians: GaussianSum) -> list[PlanLine]:
+    """The plan as a person reads it."""
+    return [
+        PlanLine(f"lobe_{i}", p.method != "identity", f"v = {v:.4g} mm^2, {p.method}, size / {2**p.level}: {p.why}")
+        for i, (p, v) in enumerate(zip(plans, gaussians.variance_mm2, strict=True))
+    ]

@@ -1,0 +1,135 @@
+"""The skin points that texels show, as flat lists: what the 3-D methods sum over and evaluate at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster, signed_uv_area, tile_origin
+from skinbake.numerics import Float, safe_div
+from skinbake.scene.mesh import SkinMesh
+
+MAX_BEYOND_TEXELS = 1.5  # bilinear reading at a chart's border looks one texel beyond it
+
+
+@dataclass(frozen=True)
+class TexelPoints:
+    """Addressed texels of one tile, in raster order.
+
+    Attributes
+    ----------
+    row : ndarray of shape (H, W), int32
+        Row of each texel in the lists below, -1 where the atlas is empty.
+    flat_index : ndarray of shape (T,), int32
+        row * W + col of each.
+    position : ndarray of shape (T, 3), float32
+        mm, relative to the `centre_mm` it was made with.
+    normal : ndarray of shape (T, 3), float32
+        Unit shading normals.
+    area_mm2 : ndarray of shape (T,), float32
+        Weight in surface sums, 0 in the gutter.
+    texel_mm2 : ndarray of shape (T,), float32
+        Skin area that one whole texel spans there.
+    """
+
+    row: NDArray[np.int32]
+    flat_index: NDArray[np.int32]
+    position: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    area_mm2: NDArray[np.float32]
+    texel_mm2: NDArray[np.float32]
+
+
+def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float, extend: bool = False) -> TexelPoints:
+    """Points of a raster's addressed texels.
+
+    Parameters
+    ----------
+    extend : bool
+        Where a texel's centre lies beside its chart, continue the closest face's plane to the centre (at most
+        1.5 texels) instead of taking the closest chart point: a smooth field evaluated there lets bilinear reading be
+        right up to the chart's border, and nearly equal on both sides of a seam.
+    """
+    height, width = raster.shape
+    u0, v0 = tile_origin(raster.tile)
+    corner_xy = np.empty_like(mesh.corner_uv)
+    corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
+    corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
+    face_mm2 = safe_div(mesh.face_area_mm2, np.abs(signed_uv_area(mesh)) * width * height)
+    row = np.full((height, width), -1, dtype=np.int32)
+    count = int(np.count_nonzero(raster.addressed))
+    flat = np.empty(count, dtype=np.int32)
+    position, normal = np.empty((count, 3), dtype=np.float32), np.empty((count, 3), dtype=np.float32)
+    area, texel_mm2 = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
+    _points(
+        raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage, corner_xy, mesh.corner_position_mm - centre_mm,
+        mesh.corner_normal, face_mm2, MAX_BEYOND_TEXELS if extend else 0.0,
+        row, flat, position, normal, area, texel_mm2,
+    )  # fmt: skip
+    if count:
+        np.minimum(texel_mm2, texel_mm2[area > 0].max(initial=0.0), out=texel_mm2)
+    return TexelPoints(row, flat, position, normal, area, texel_mm2)
+
+
+@njit(cache=True)
+def _points(  # type: ignore[no-untyped-def]
+    face_index, barycentric, area_mm2, coverage, corner_xy, corner_mm, corner_normal, face_mm2, beyond,
+    row_out, flat, position, normal, area, texel_mm2,
+):  # fmt: skip
+    height, width = face_index.shape
+    n = 0
+    for row in range(height):
+        for col in range(width):
+            f = face_index[row, col]
+            if f < 0:
+                continue
+            b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+            b0 = 1.0 - b1 - b2
+            row_out[row, col] = n
+            flat[n] = row * width + col
+            area[n] = area_mm2[row, col]
+            # Not the face's ratio where there is a better one: a sliver in UV would claim half the head
+            covered = coverage[row, col]
+            texel_mm2[n] = area_mm2[row, col] / covered if covered > 0 else face_mm2[f]
+            length2 = 0.0
+            for k in range(3):
+                position[n, k] = b0 * corner_mm[f, 0, k] + b1 * corner_mm[f, 1, k] + b2 * corner_mm[f, 2, k]
+                m = b0 * corner_normal[f, 0, k] + b1 * corner_normal[f, 1, k] + b2 * corner_normal[f, 2, k]
+                normal[n, k] = m
+                length2 += m * m
+            if length2 > 0:
+                for k in range(3):
+                    normal[n, k] /= np.sqrt(length2)
+            if beyond > 0:
+                # From the shown point to the texel's centre, in texels, then along the face's plane
+                dx = col + 0.5 - (b0 * corner_xy[f, 0, 0] + b1 * corner_xy[f, 1, 0] + b2 * corner_xy[f, 2, 0])
+                dy = row + 0.5 - (b0 * corner_xy[f, 0, 1] + b1 * corner_xy[f, 1, 1] + b2 * corner_xy[f, 2, 1])
+                away = np.sqrt(dx * dx + dy * dy)
+                if away > 1e-3:
+                    _continue_plane(corner_xy[f], corner_mm[f], dx, dy, away, beyond, face_mm2[f], position[n])
+            n += 1
+
+
+@njit(cache=True)
+def _continue_plane(xy, mm, dx, dy, away, beyond, mm2, position):  # type: ignore[no-untyped-def]
+    """Move a position by the face's affine map of a step of (dx, dy) texels, never further than the face's mean texel says."""
+    e1x, e1y = xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]
+    e2x, e2y = xy[2, 0] - xy[0, 0], xy[2, 1] - xy[0, 1]
+    twice_area = e1x * e2y - e1y * e2x
+    if twice_area == 0:
+        return
+    c1, c2 = (dx * e2y - dy * e2x) / twice_area, (dy * e1x - dx * e1y) / twice_area
+    step = np.empty(3)
+    length2 = 0.0
+    for k in range(3):
+        step[k] = c1 * (mm[1, k] - mm[0, k]) + c2 * (mm[2, k] - mm[0, k])
+        length2 += step[k] * step[k]
+    if length2 == 0:
+        return
+    share = min(1.0, beyond / away)
+    share = min(share, 1.5 * beyond * np.sqrt(mm2 / length2))
+    for k in range(3):
+        position[k] += share * step[k]

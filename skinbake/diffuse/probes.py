@@ -1,0 +1,119 @@
+"""Probe texels, drawn by area, at which a bake is compared with the exact surface integral."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, tile_origin
+from skinbake.diffuse.points import TexelPoints
+from skinbake.numerics import Float
+from skinbake.scene.mesh import SkinMesh
+
+VERIFY, PLAN = 0, 1  # streams of the same seed: a plan never sees the probes that judge it
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Texels on the skin, by tile in the atlas's order.
+
+    Attributes
+    ----------
+    tile : ndarray of shape (P,), int32
+        Index into the atlas.
+    flat_index : ndarray of shape (P,), int64
+        row * W + col at the full texture size.
+    place : ndarray of shape (P, 2), float64
+        (row, column) / size of the skin point that the texel shows; a texel's centre has (i + 0.5) / size.
+    position, normal : ndarray of shape (P, 3), float32
+        As in `TexelPoints`.
+    texel_mm2 : ndarray of shape (P,), float32
+    """
+
+    tile: NDArray[np.int32]
+    flat_index: NDArray[np.int64]
+    place: Float
+    position: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    texel_mm2: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.tile)
+
+
+def draw_probes(
+    atlas: Atlas, mesh: SkinMesh, points: Sequence[TexelPoints], count: int, seed: int, stream: int = VERIFY
+) -> Probes:
+    """`count` texels, each drawn with a chance proportional to its skin area, independently."""
+    rng = np.random.default_rng([seed, stream])
+    area = np.concatenate([p.area_mm2 for p in points]).astype(np.float64)
+    owner = np.repeat(np.arange(len(points), dtype=np.int32), [len(p.area_mm2) for p in points])
+    within = np.concatenate([np.arange(len(p.area_mm2)) for p in points])
+    total = np.cumsum(area)
+    if len(total) == 0 or total[-1] <= 0:
+        count = 0
+    drawn = np.searchsorted(total, rng.random(count) * (total[-1] if count else 0.0), side="right")
+    drawn = np.sort(np.minimum(drawn, len(total) - 1))
+    tile, row = owner[drawn], within[drawn]
+    flat = np.zeros(count, np.int64)
+    place = np.zeros((count, 2))
+    position, normal = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+    texel_mm2 = np.zeros(count, np.float32)
+    for k, (raster, p) in enumerate(zip(atlas, points, strict=True)):
+        mine = tile == k
+        r = row[mine]
+        flat[mine], position[mine], normal[mine] = p.flat_index[r], p.position[r], p.normal[r]
+        texel_mm2[mine] = p.texel_mm2[r]
+        place[mine] = _places(raster.face_index, raster.barycentric, p.flat_index[r], mesh.corner_uv, tile_origin(raster.tile))
+    return Probes(tile, flat, place, position, normal, texel_mm2)
+
+
+def _places(
+    face_index: NDArray[np.int32],
+    barycentric: NDArray[np.float32],
+    flat: NDArray[np.int32],
+    corner_uv: Float,
+    origin: tuple[int, int],
+) -> Float:
+    face = face_index.reshape(-1)[flat]
+    b = barycentric.reshape(-1, 2)[flat].astype(np.float64)
+    weights = np.stack([1 - b.sum(axis=1), b[:, 0], b[:, 1]], axis=1)
+    uv = np.einsum("pk,pkc->pc", weights, corner_uv[face])
+    return np.stack([origin[1] + 1 - uv[:, 1], uv[:, 0] - origin[0]], axis=1)
+
+
+def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) -> Float:
+    """Values of an image at places, as a GPU reads them: bilinear, clamped to the edge texels.
+
+    Parameters
+    ----------
+    image : ndarray of shape (L, h, w, 3), float32
+    place : ndarray of shape (P, 2)
+        (row, column) / size.
+    half : bool
+        Round each texel to binary16 first.
+
+    Returns
+    -------
+    ndarray of shape (P, 3 L), float64
+    """
+    lights, height, width, _ = image.shape
+    row, col = place[:, 0] * height - 0.5, place[:, 1] * width - 0.5
+    r0, c0 = np.floor(row).astype(np.int64), np.floor(col).astype(np.int64)
+    fr, fc = (row - r0)[:, None, None], (col - c0)[:, None, None]
+
+    def texel(r: NDArray[np.int64], c: NDArray[np.int64]) -> Float:
+        values = image[:, np.clip(r, 0, height - 1), np.clip(c, 0, width - 1)].transpose(1, 0, 2)
+        if half:
+            with np.errstate(over="ignore"):  # past 65504 the writer takes float
+                rounded = values.astype(np.float16).astype(np.float32)
+            values = np.where(np.isfinite(rounded), rounded, values)
+        return values.astype(np.float64)
+
+    top = texel(r0, c0) * (1 - fc) + texel(r0, c0 + 1) * fc
+    bottom = texel(r0 + 1, c0) * (1 - fc) + texel(r0 + 1, c0 + 1) * fc
+    return (top * (1 - fr) + bottom * fr).reshape(len(place), 3 * lights)
+

@@ -1,0 +1,180 @@
+"""Method `surface`: Gaussian sums over area-weighted clusters of skin in three dimensions; no seams, stretch or tiles.
+
+At a target x:  M(x) = sum_j w_j E_j / sum_j w_j,   w_j = A_j v/v_j exp(-|x - x_j|^2 / 2 v_j) passes(x, j),  v_j = v - s_j^2.
+
+Moving the light of a cluster to its centroid is a blur of its own, by the cluster's spread s_j^2 (variance along each
+tangent direction), so each cluster spreads by that much less. A single texel narrower than the lobe has v_j = v; where the
+texel is coarser than the lobe, v_j is widened so that the lattice of texels still spreads light by v (`lattice_gaussian`).
+
+Distances are straight lines, as the dipole integral wants [Jensen2002]; `separate` keeps what faces across air apart.
+Row normalisation keeps constant light constant. It does not keep each light's total exactly; a symmetric, doubly
+stochastic scaling would, but then M would no longer be the integral that the error is measured against.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas
+from skinbake.diffuse.clusters import Clusters, MomentPyramid, cut_clusters, moment_pyramid
+from skinbake.diffuse.gather import EXPONENT_STEPS, gather, make_batches
+from skinbake.diffuse.lattice import lattice_gaussian
+from skinbake.diffuse.points import TexelPoints, texel_points
+from skinbake.diffuse.rows import SourceRows, sort_into_rows
+from skinbake.numerics import Float
+from skinbake.scene.mesh import SkinMesh
+
+SPACING = 1.2  # widest cluster, in sigma: side of the square whose spread it may have
+CUT_SIGMA = 4.0  # normalised, what lies beyond changes M by less than 3e-4 of the local contrast
+_BLOCK = 4
+_LEVELS = 9
+
+
+@dataclass(frozen=True)
+class SurfaceLight:
+    """Light on the skin, ready to be summed: all tiles' texels and their moment pyramids.
+
+    Attributes
+    ----------
+    centre_mm : ndarray of shape (3,)
+        Origin of every position, so that float32 resolves them.
+    tiles : tuple of (TexelPoints, radiosity (H * W, C), MomentPyramid)
+    """
+
+    centre_mm: Float
+    tiles: tuple[tuple[TexelPoints, NDArray[np.float32], MomentPyramid], ...]
+
+    @property
+    def channels(self) -> int:
+        """Three for each light."""
+        return self.tiles[0][1].shape[1]
+
+    @cached_property
+    def mean_texel_mm2(self) -> float:
+        """Mean over the skin of the area that a texel spans."""
+        area = sum(float(p.area_mm2.sum(dtype=np.float64)) for p, _, _ in self.tiles)
+        moment = sum(float(np.dot(p.area_mm2.astype(np.float64), p.texel_mm2)) for p, _, _ in self.tiles)
+        return moment / area if area > 0 else 0.0
+
+    @cached_property
+    def texels(self) -> tuple[Clusters, SourceRows]:
+        """Every texel that has area, and the same sorted: sources of the narrowest lobes and of the reference."""
+        clusters = cut_clusters(self.tiles, -1.0)
+        cell = 2 * np.sqrt(max(self.mean_texel_mm2, 1e-12))
+        return clusters, sort_into_rows(clusters.position, clusters.normal, clusters.radiosity, cell)
+
+
+@dataclass(frozen=True)
+class LobeSources:
+    """Sources of one lobe, and how far a target looks."""
+
+    rows: SourceRows
+    rate: NDArray[np.float32]
+    amplitude: NDArray[np.float32]
+    variance_mm2: float
+    cut: float
+    amplitude_scale: float
+
+
+def surface_light(radiosity: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: SkinMesh) -> SurfaceLight:
+    """Points and pyramids of each tile.
+
+    Parameters
+    ----------
+    radiosity : sequence of ndarray of shape (H, W, C), float32
+        In the order of the atlas.
+    """
+    corners = mesh.corner_position_mm.reshape(-1, 3)
+    centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    tiles = []
+    for raster, values in zip(atlas, radiosity, strict=True):
+        points = texel_points(raster, mesh, centre)
+        flat = values.reshape(-1, values.shape[-1])
+        levels = min(_LEVELS, max(raster.shape).bit_length())
+        tiles.append((points, flat, moment_pyramid(points, flat, levels)))
+    return SurfaceLight(centre, tuple(tiles))
+
+
+def lobe_sources(light: SurfaceLight, variance_mm2: float, spacing: float = SPACING, cut: float = CUT_SIGMA) -> LobeSources:
+    """Clusters of one lobe, sorted for lookup.
+
+    Parameters
+    ----------
+    spacing : float
+        Side of the widest cluster, in sigma; 0 keeps every texel.
+    cut : float
+        Radius of the sum in sigma.
+    """
+    max_spread = spacing**2 / 12 * variance_mm2
+    if max_spread < light.mean_texel_mm2 / 4:  # the spread of four texels: most blocks would be single texels
+        clusters, rows = light.texels
+    else:
+        clusters = cut_clusters(light.tiles, max_spread)
+        rows = sort_into_rows(clusters.position, clusters.normal, clusters.radiosity, cut * np.sqrt(variance_mm2) / 3)
+    own, gain = lattice_gaussian(variance_mm2, clusters.texel_mm2)
+    narrower = variance_mm2 - clusters.spread_mm2  # the spread of a texel is 0, of a block at most spacing^2/12 v
+    own = np.where(clusters.texel_mm2 > 0, own, narrower)
+    amplitude = clusters.area_mm2 * np.where(clusters.texel_mm2 > 0, gain, np.float32(variance_mm2) / narrower)
+    scale = float(amplitude.max(initial=0)) or 1.0
+    rate = (1 / (2 * EXPONENT_STEPS * own[rows.order])).astype(np.float32)
+    return LobeSources(rows, rate, (amplitude[rows.order] / scale).astype(np.float32), variance_mm2, cut, scale)
+
+
+def evaluate(
+    sources: LobeSources,
+    points: TexelPoints,
+    separate: bool,
+    normalise: bool,
+    out: NDArray[np.float32],
+    weight: NDArray[np.float32] | None = None,
+) -> None:
+    """Write M at each point into `out` (texels, C), at row `points.flat_index`; rows without any source stay as they are."""
+    # Where texels are coarser than the lobe, their lattice spreads light as far as the next texel
+    lattice, _ = lattice_gaussian(sources.variance_mm2, points.texel_mm2)
+    reach = np.float32(sources.cut) * np.sqrt(lattice)
+    near = sources.cut * np.sqrt(sources.variance_mm2) + 4 * np.sqrt(points.texel_mm2.mean() if len(lattice) else 0.0)
+    batches = make_batches(points.row, _BLOCK, points.position, np.float32(near))
+    rows = sources.rows
+    if weight is None:
+        weight = np.zeros(len(out), np.float32)
+    scale = 0.0 if normalise else sources.amplitude_scale / (2 * np.pi * sources.variance_mm2)
+    gather(
+        batches, points.position, points.normal, reach, points.flat_index, rows.position, sources.rate, sources.amplitude,
+        rows.normal, rows.radiosity, rows.row_start, rows.origin, rows.cell, rows.rows_y, rows.rows_z, separate, np.float32(scale), out, weight,
+    )  # fmt: skip
+
+
+def surface_blur(
+    light: SurfaceLight,
+    target: Sequence[TexelPoints],
+    variance_mm2: float,
+    separate: bool = True,
+    normalise: bool = True,
+    spacing: float = SPACING,
+    cut: float = CUT_SIGMA,
+) -> list[NDArray[np.float32]]:
+    """One lobe at the texels of each target tile, by the sums above.
+
+    Parameters
+    ----------
+    light : SurfaceLight
+    target : sequence of TexelPoints
+        Of any texture size, made with `light.centre_mm` and `extend=True`.
+
+    Returns
+    -------
+    list of ndarray of shape (h, w, C), float32
+        Zero where the atlas is empty.
+    """
+    sources = lobe_sources(light, variance_mm2, spacing, cut)
+    result = []
+    for points in target:
+        out = np.zeros((points.row.size, light.channels), np.float32)
+        evaluate(sources, points, separate, normalise, out)
+        result.append(out.reshape(*points.row.shape, -1))
+    return result

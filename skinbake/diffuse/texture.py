@@ -1,0 +1,219 @@
+"""Method `texture`: one texel size for the whole texture, separable kernels, K[M E] / K[M]; what the 2015 report does.
+
+It knows nothing of stretch, seams and tiles, and costs the same for every width: a wide lobe is blurred, and stored, at
+the level of a pyramid where it is a few texels wide. Variances add, so each level's prefilter is taken off the blur that
+remains; fourth cumulants add too, so that a coarse level still gives the kernel which the full texture would have used:
+the discrete Gaussian, THEORY (5.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, first_fundamental_form
+from skinbake.diffuse.probes import Probes
+from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
+from skinbake.diffuse.separable import decimate, decimation_weights, masked_light, normalised_blur
+from skinbake.numerics import Float
+from skinbake.scene.mesh import SkinMesh
+
+PREFILTER_TEXELS2 = 1.75  # of the finer level; aliases of any image stay below 5e-4 of its range
+LEVEL_TEXELS2 = 10.0  # a level may be halved while the lobe's variance there is at least this
+_NO_COVERAGE = 1e-6
+
+
+@dataclass
+class TexturePyramid:
+    """Premultiplied light and mask of one tile, at full size and at the halved sizes asked for so far.
+
+    Attributes
+    ----------
+    levels : list of ndarray of shape (h + 2 margin, w + 2 margin, 3L + 1), float32
+        The margin holds what the prefilters carried beyond the texture: the blur that remains brings part of it back.
+    prefilter : list of (float, float)
+        Variance (y, x) each level already has, texels of the full size squared.
+    """
+
+    levels: list[NDArray[np.float32]]
+    prefilter: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
+
+    def level(self, number: int) -> NDArray[np.float32]:
+        """Level `number`, made from the one before it when it is not there yet."""
+        full_h, full_w = self.levels[0].shape[:2]
+        while len(self.levels) <= number:
+            number_before = len(self.levels) - 1
+            height, width = level_size((full_h, full_w), number_before)
+            h, w = level_size((full_h, full_w), number_before + 1)
+            # An axis that is already one texel is not filtered again
+            t_y = PREFILTER_TEXELS2 if h < height else 0.0
+            t_x = PREFILTER_TEXELS2 if w < width else 0.0
+            fine = self.levels[-1]
+            before_margin, margin = level_margin(number_before), level_margin(number_before + 1)
+            out = np.zeros((h + 2 * margin, w + 2 * margin, fine.shape[2]), np.float32)
+            decimate(
+                fine,
+                *decimation_weights(height, h, before_margin, margin, t_y or 1e-3),
+                *decimation_weights(width, w, before_margin, margin, t_x or 1e-3),
+                out,
+            )
+            before = self.prefilter[-1]
+            self.prefilter.append(
+                (before[0] + t_y * (full_h / height) ** 2, before[1] + t_x * (full_w / width) ** 2)
+            )
+            self.levels.append(out)
+        return self.levels[number]
+
+
+def level_size(size: tuple[int, ...], level: int) -> tuple[int, int]:
+    """Height and width of a pyramid level: halved `level` times, rounded up, never below one."""
+    return -(-size[0] // (1 << level)), -(-size[1] // (1 << level))
+
+
+def level_margin(level: int) -> int:
+    """Texels around a level: the reach of its prefilters, all together."""
+    return 0 if level == 0 else 8
+
+
+def texture_pyramid(light: NDArray[np.float32], coverage: NDArray[np.float32]) -> TexturePyramid:
+    """Start of a pyramid.
+
+    Parameters
+    ----------
+    light : ndarray of shape (L, H, W, 3), float32
+    coverage : ndarray of shape (H, W), float32
+    """
+    lights, height, width, _ = light.shape
+    image = np.empty((height, width, 3 * lights + 1), np.float32)
+    masked_light(light, coverage, image)
+    return TexturePyramid([image])
+
+
+def mean_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> tuple[float, float]:
+    """Area-weighted mean length of a step along (row, column), mm; `size` is (height, width).
+
+    Faces stretched more than ten times the median are left out: a sliver in UV has no length worth averaging.
+    """
+    form, area = first_fundamental_form(mesh), mesh.face_area_mm2
+    known = (form[:, 0] > 0) & (form[:, 2] > 0) & (area > 0)
+    if not known.any():
+        raise ValueError("mean_mm_per_texel: expected a mesh with some area in space and in UV")
+    along_u, along_v = (_mean_without_outliers(np.sqrt(form[known, k]), area[known]) for k in (0, 2))
+    return along_v / size[0], along_u / size[1]
+
+
+def _mean_without_outliers(length: Float, weight: Float) -> float:
+    order = np.argsort(length, kind="stable")
+    total = np.cumsum(weight[order])
+    median = length[order[np.searchsorted(total, 0.5 * total[-1])]]
+    kept = length <= 10 * median
+    return float(np.average(length[kept], weights=weight[kept]))
+
+
+def widest_level(variance_texels2: tuple[float, float]) -> int:
+    """Coarsest level that still shows a lobe of this variance (texels of the full size squared)."""
+    level = 0
+    while min(variance_texels2) / 4**level >= LEVEL_TEXELS2:
+        level += 1
+    return level
+
+
+def texture_blur(
+    pyramid: TexturePyramid,
+    variance_texels2: tuple[float, float],
+    level: int = 0,
+    fallback: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]:
+    """One lobe of one tile at a level of its pyramid.
+
+    Parameters
+    ----------
+    variance_texels2 : (float, float)
+        Of the lobe along rows' and columns' direction (y, x), texels of the full size squared.
+    level : int
+        0 is the full size; at most `widest_level`.
+    fallback : ndarray of shape (L, h, w, 3), optional
+        Light where no coverage is within reach; zero without it.
+
+    Returns
+    -------
+    ndarray of shape (L, h, w, 3), float32
+    """
+    image = pyramid.level(level)
+    kernels = [level_kernel(pyramid, variance_texels2, level, axis).astype(np.float32) for axis in (0, 1)]
+    lights = (image.shape[2] - 1) // 3
+    height, width = level_size(pyramid.levels[0].shape[:2], level)
+    out = np.empty((lights, height, width, 3), np.float32)
+    if fallback is None:
+        fallback = np.empty((lights, 0, 0, 3), np.float32)
+    normalised_blur(image, level_margin(level), kernels[0], kernels[1], fallback, np.float32(_NO_COVERAGE), out)
+    return out
+
+
+def level_kernel(pyramid: TexturePyramid, variance_texels2: tuple[float, float], level: int, axis: int) -> Float:
+    """Half kernel along an axis that remains to be applied at a level, in its own texels."""
+    t = variance_texels2[axis]
+    if level == 0:
+        return discrete_gaussian(t)
+    size = level_size(pyramid.levels[0].shape[:2], level)[axis]
+    ratio = pyramid.levels[0].shape[axis] / size
+    rest = (t - pyramid.prefilter[level][axis]) / ratio**2
+    if rest < 0.6:
+        raise ValueError(f"level {level} is too coarse for a variance of {t} texels")
+    return residual_kernel(rest, t / ratio**4)
+
+
+def texture_pyramids(source: Sequence[NDArray[np.float32]], atlas: Atlas) -> list[TexturePyramid]:
+    """One a tile; tiles do not see one another in this method."""
+    return [texture_pyramid(light, raster.coverage) for light, raster in zip(source, atlas, strict=True)]
+
+
+def texture_at(
+    pyramids: Sequence[TexturePyramid], variance_texels2: tuple[float, float], level: int, probes: Probes
+) -> Float:
+    """The same blur at the probes' texel centres of the full size, before anything is stored, (P, 3 L).
+
+    A level's kernel is band-limited (its variance is at least 0.6 texels): a Fourier shift lays it between the texels.
+    """
+    lights = (pyramids[0].levels[0].shape[2] - 1) // 3
+    out = np.zeros((len(probes), 3 * lights))
+    for k, pyramid in enumerate(pyramids):
+        mine = np.flatnonzero(probes.tile == k)
+        image = pyramid.level(level)
+        size = level_size(pyramid.levels[0].shape[:2], level)
+        full = pyramid.levels[0].shape
+        rows = _between(level_kernel(pyramid, variance_texels2, level, 0), level)
+        cols = _between(level_kernel(pyramid, variance_texels2, level, 1), level)
+        for p in mine:
+            row, col = divmod(int(probes.flat_index[p]), full[1])
+            y0, wy = rows((row + 0.5) * size[0] / full[0] - 0.5 + level_margin(level))
+            x0, wx = cols((col + 0.5) * size[1] / full[1] - 0.5 + level_margin(level))
+            ys, xs = slice(max(y0, 0), y0 + len(wy)), slice(max(x0, 0), x0 + len(wx))
+            window = image[ys, xs].astype(np.float64)
+            wy = wy[max(-y0, 0) :][: window.shape[0]]
+            wx = wx[max(-x0, 0) :][: window.shape[1]]
+            summed = np.einsum("i,ijc,j->c", wy, window, wx)
+            out[p] = summed[:-1] / summed[-1] if summed[-1] > _NO_COVERAGE else 0.0
+    return out
+
+
+def _between(half: Float, level: int) -> Callable[[float], tuple[int, Float]]:
+    """Weights of a level's kernel around any position, from its half kernel at whole texels."""
+    full = np.concatenate([half[:0:-1], half])
+    reach = len(half) - 1
+    if level == 0:
+        return lambda at: (round(at) - reach, full)
+    n = 4 * len(full)
+    spectrum = np.fft.rfft(np.roll(np.pad(full, (0, n - len(full))), -reach))
+    frequency = np.fft.rfftfreq(n)
+
+    def around(at: float) -> tuple[int, Float]:
+        nearest = round(at)
+        shifted = np.fft.irfft(spectrum * np.exp(-2j * np.pi * frequency * (at - nearest)), n)
+        weights = np.roll(shifted, reach + 2)[: 2 * reach + 5]
+        return nearest - reach - 2, weights
+
+    return around

@@ -1,0 +1,207 @@
+"""Light that comes through thin parts: ear rims, nostrils, lips.
+
+Behind each point lies, straight through the flesh, a point of the far side. What leaves here is the blurred light that
+arrived there, weighed by the transmittance of a slab as thick as the flesh between (`slab_weights`). The ray goes along
+the inward normal rather than towards each light: diffuse light has forgotten where it came from, and one ray serves all
+lights, soft ones included.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.atlas import face_mm_per_texel, interpolate, rasterize, tile_origin
+from skinbake.atlas.rasterize import tiles_of
+from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, PlanLine
+from skinbake.diffuse.slab_weights import DARK, SlabWeights, slab_weights
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.surface import texel_surface
+from skinbake.numerics import Float
+from skinbake.profile import GaussianSum
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import SpecularSpec
+
+Image = NDArray[np.float32]
+TEXEL_MM = 0.4  # transmitted light is smooth: no finer texels than these are computed or stored
+SEEN_SHARE = 0.001  # of the skin: `auto` looks at the brightest part of that size
+WORTH = 5.0  # tolerances of the mean radiance that part must reach
+
+
+def transmit(
+    diffused: DiffuseMap,
+    mesh: SkinMesh,
+    gaussians: GaussianSum,
+    size: tuple[int, int],
+    gutter: int,
+    udim: bool,
+    albedo_rgb: Float,
+    switch: str,
+    tolerance: float,
+) -> tuple[Lobe | None, PlanLine]:
+    """Transmitted light as one more lobe of weight 1, and the plan's line on it.
+
+    Parameters
+    ----------
+    diffused : DiffuseMap
+        Blurred irradiance; lobes of the surface methods already count exp(-d^2 / 2v) through the flesh, which is then
+        taken off the slab's weight.
+    size : (width, height)
+        Of the texture.
+    albedo_rgb : ndarray of shape (3,)
+        Mean albedo of the skin, which stands for the reflectance where the profile knows none (energy 1).
+    switch : "auto", "on" or "off"
+    tolerance : float
+        `auto` keeps the term when the brightest `SEEN_SHARE` of the skin gets `WORTH` tolerances of the mean light.
+
+    References
+    ----------
+    [dEon2007], [Donner2005]
+    """
+    if switch == "off":
+        return None, PlanLine("transmission", False, "off")
+    reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
+    weights = slab_weights(gaussians, reflectance)
+    weights = _without_counted(weights, diffused, gaussians)
+
+    texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
+    coarse = max(1, 2 ** int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0)))))
+    small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
+    atlas = rasterize(mesh, small, max(2, gutter // coarse), udim)
+    occluder = Occluder(mesh)
+    rgb, totals, areas = {}, [], []
+    for raster in atlas:
+        surface = texel_surface(raster, mesh, SkinMaps(), SpecularSpec(), occluder)
+        rows, cols = np.nonzero(raster.addressed)
+        normal = surface.smooth_normal[rows, cols]
+        face, uv, thickness, opposed = far_side(occluder, mesh, surface.point[rows, cols], normal)
+        across = _gather(diffused, mesh, udim, face, uv, _weights_at(weights, thickness, opposed))
+        image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
+        image[:, rows, cols] = np.maximum(across, 0)
+        rgb[raster.tile] = image
+
+        here = interpolate(raster, mesh.corner_uv)[rows, cols].astype(np.float64)
+        own = np.broadcast_to(gaussians.weight_rgb.astype(np.float32), (len(rows), *gaussians.weight_rgb.shape))
+        reflected = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), here, own)
+        totals.append(np.stack([image[:, rows, cols].sum(axis=(0, 2)), reflected.sum(axis=(0, 2))]))
+        areas.append(raster.area_mm2[rows, cols])
+    rms, peak = _contribution(np.concatenate(totals, axis=1), np.concatenate(areas))
+    kept = switch == "on" or peak > WORTH * tolerance
+    limit = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
+    why = f"{switch}: through thin parts {limit}, worth it from {WORTH * tolerance:.1%}"
+    lobe = Lobe(float(gaussians.variance_mm2[-1]), (1.0, 1.0, 1.0), "transmission", rgb) if kept else None
+    return lobe, PlanLine("transmission", kept, why)
+
+
+def far_side(
+    occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image
+) -> tuple[NDArray[np.int64], Float, Float, Float]:
+    """Where the inward normal leaves the flesh.
+
+    Returns
+    -------
+    face : ndarray of shape (n,)
+        -1 where it never does.
+    uv : ndarray of shape (n, 2)
+    thickness_mm : ndarray of shape (n,)
+    opposed : ndarray of shape (n,)
+        Cosine between the way and the outward normal there: 1 through a slab, 0 where it only grazes.
+    """
+    inward = np.ascontiguousarray(-normal)
+    # In by a hundredth of a millimetre and the coordinates' own spacing, so that the own facet is not met
+    start = point + inward * np.float32(0.01 + 32 * occluder.spacing_mm)
+    child, b1, b2, distance = occluder.first_hit(start, inward)
+    levels = occluder.surface.levels
+    face, b1, b2 = _ascend(child.astype(np.int64), b1.astype(np.float64), b2.astype(np.float64), levels)
+    barycentric = np.stack([1 - b1 - b2, b1, b2], axis=1)
+    uv = np.einsum("nk,nki->ni", barycentric, mesh.corner_uv[face])
+    there = np.einsum("nk,nki->ni", barycentric, mesh.corner_normal[face])
+    opposed = np.clip((there * inward).sum(axis=1) / np.maximum(np.linalg.norm(there, axis=1), 1e-30), 0, 1)
+    missed = child < 0
+    opposed[missed] = 0
+    return np.where(missed, -1, face), uv, distance.astype(np.float64), opposed
+
+
+def _ascend(child: NDArray[np.int64], b1: Float, b2: Float, levels: int) -> tuple[NDArray[np.int64], Float, Float]:
+    """Face of the mesh and place in it of a place in a triangle of the smooth surface (inverse of `descend`)."""
+    for _ in range(levels):
+        corner, child = child % 4, child // 4
+        b1, b2 = (
+            np.select([corner == 0, corner == 1, corner == 2], [b1 / 2, (1 + b1) / 2, b1 / 2], (1 - b1) / 2),
+            np.select([corner == 0, corner == 1, corner == 2], [b2 / 2, b2 / 2, (1 + b2) / 2], (1 - b2) / 2),
+        )
+    return child, b1, b2
+
+
+def _without_counted(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> SlabWeights:
+    """Take off what lobes summed over the surface in space already carry through a slab, THEORY (7.2)."""
+    taken = weights.weight_rgb.copy()
+    for i, lobe in enumerate(diffused.lobes):
+        if lobe.method in ("surface", "reference") and lobe.variance_mm2 > 0:
+            through = np.exp(-(weights.thickness_mm**2) / (2 * lobe.variance_mm2))
+            taken[:, i] -= through[:, None] * gaussians.weight_rgb[i]
+    return SlabWeights(weights.thickness_mm, taken)
+
+
+def _weights_at(weights: SlabWeights, thickness_mm: Float, opposed: Float) -> Image:
+    """Weights of the lobes for each ray, (n, N, 3); linear in the logarithm of the thickness, dark beyond the table."""
+    k = np.log(np.maximum(thickness_mm, 1e-6) / weights.thickness_mm[0])
+    k = k / np.log(weights.thickness_mm[1] / weights.thickness_mm[0])
+    last = len(weights.thickness_mm) - 1
+    inside = (k < last) & (opposed > 0)
+    k = np.clip(np.where(inside, k, 0), 0, last - 1e-6)
+    low = k.astype(np.int64)
+    t = (k - low)[:, None, None]
+    table = weights.weight_rgb
+    found = (table[low] * (1 - t) + table[low + 1] * t) * (opposed * inside)[:, None, None]
+    found[np.abs(found).sum(axis=1).max(axis=1) < DARK] = 0
+    return found.astype(np.float32)
+
+
+def _gather(
+    diffused: DiffuseMap, mesh: SkinMesh, udim: bool, face: NDArray[np.int64], uv: Float, weight: Image
+) -> Image:
+    """Weighted sum of the lobes at places (n) of the texture, each light apart, shape (L, n, 3)."""
+    out = np.zeros((len(diffused.lights), len(face), 3), np.float32)
+    lit = weight.any(axis=(1, 2)) & (face >= 0)
+    cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(np.int64)
+    of_face = 1001 + cell[:, 0] + 10 * cell[:, 1] if udim else np.full(len(mesh.faces), 1001)
+    for tile in tiles_of(mesh, udim):
+        pick = np.flatnonzero(lit & (of_face[face] == tile))
+        local = uv[pick] - np.asarray(tile_origin(tile))
+        for i, lobe in enumerate(diffused.lobes):
+            _add_bilinear(lobe.rgb[tile], local, pick, weight[:, i], out)
+    return out
+
+
+@njit(cache=True, parallel=True)
+def _add_bilinear(image: Image, uv: Float, pick: NDArray[np.int64], weight: Image, out: Image) -> None:
+    lights, height, width = image.shape[:3]
+    for n in prange(len(pick)):
+        x = min(max(uv[n, 0] * width - 0.5, 0.0), width - 1.0)
+        y = min(max((1.0 - uv[n, 1]) * height - 0.5, 0.0), height - 1.0)
+        x0, y0 = int(x), int(y)
+        x1, y1 = min(x0 + 1, width - 1), min(y0 + 1, height - 1)
+        fx, fy = x - x0, y - y0
+        for light in range(lights):
+            for c in range(3):
+                top = image[light, y0, x0, c] * (1.0 - fx) + image[light, y0, x1, c] * fx
+                bottom = image[light, y1, x0, c] * (1.0 - fx) + image[light, y1, x1, c] * fx
+                out[light, pick[n], c] += weight[pick[n], c] * (top * (1.0 - fy) + bottom * fy)
+
+
+def _contribution(totals: Float, area: Image) -> tuple[float, float]:
+    """Rms of the transmitted over the reflected light, and its value in the brightest part over the mean reflected."""
+    weight = area.astype(np.float64)
+    if weight.sum() == 0:
+        return 0.0, 0.0
+    through, reflected = totals.astype(np.float64)
+    mean = (weight * reflected).sum() / weight.sum()
+    if mean <= 0:
+        return 0.0, 0.0
+    rms = np.sqrt((weight * through**2).sum() / max((weight * reflected**2).sum(), 1e-300))
+    order = np.argsort(-through)
+    reached = np.searchsorted(np.cumsum(weight[order]), SEEN_SHARE * weight.sum())
+    return float(rms), float(through[order[min(reached, len(order) - 1)]] / mean)
