@@ -112,9 +112,9 @@ def far_side(
     inward = np.ascontiguousarray(-normal)
     # In by a hundredth of a millimetre and the coordinates' own spacing, so that the own facet is not met
     start = point + inward * np.float32(0.01 + 32 * occluder.spacing_mm)
-    child, b1, b2, distance = occluder.first_hit(start, inward)
+    child, in_1, in_2, distance = occluder.first_hit(start, inward)
     levels = occluder.surface.levels
-    face, b1, b2 = _ascend(child.astype(np.int64), b1.astype(np.float64), b2.astype(np.float64), levels)
+    face, b1, b2 = _ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
     barycentric = np.stack([1 - b1 - b2, b1, b2], axis=1)
     uv = np.einsum("nk,nki->ni", barycentric, mesh.corner_uv[face])
     there = np.einsum("nk,nki->ni", barycentric, mesh.corner_normal[face])

@@ -58,16 +58,20 @@ class Occluder:
         self._spread(ask, len(origin))
         return answer
 
-    def distance(self, origin: Vectors, direction: Vectors) -> NDArray[np.float32]:
-        """Distance to the first hit in lengths of `direction`, inf where there is none."""
-        answer = np.empty(len(origin), dtype=np.float32)
+    def first_hit(
+        self, origin: Vectors, direction: Vectors
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Triangle of the smooth surface (-1: none), barycentrics 1 and 2 in it, and distance of the first hit."""
+        triangle = np.empty(len(origin), dtype=np.int32)
+        b1, b2, distance = (np.zeros(len(origin), dtype=np.float32) for _ in range(3))
 
         def ask(part: slice) -> None:
-            answer[part] = self._scene.run(origin[part], direction[part], query="DISTANCE")
+            hit = self._scene.run(origin[part], direction[part], output=1)
+            triangle[part], b1[part], b2[part], distance[part] = hit["primID"], hit["u"], hit["v"], hit["tfar"]
 
         self._spread(ask, len(origin))
-        answer[answer > 1e30] = np.inf
-        return answer
+        triangle[distance > 1e30] = -1
+        return triangle, b1, b2, distance
 
     def _spread(self, ask, count: int) -> None:  # type: ignore[no-untyped-def]
         """Embree runs without the interpreter's lock, so plain threads share the work."""
