@@ -87,7 +87,7 @@ class TransportProfile(DiffusionProfile):
         mean = light[:-1] / (np.pi * np.diff(edge**2))[:, None]
         at = np.append(edge[1] / 2, np.sqrt(edge[1:-1] * edge[2:]))
         inside = np.clip(radius, at[0], None)
-        values = [np.interp(np.log(inside), np.log(at), at**2 * mean[:, c], right=0.0) for c in range(3)]
+        values = [np.interp(np.log(inside), np.log(at), at**2 * mean[:, c], right=0.0) for c in range(mean.shape[1])]
         return np.stack(values, axis=1) / inside[:, None] ** 2
 
     def fit_nodes(self) -> AnnulusNodes:

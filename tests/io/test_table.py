@@ -1,0 +1,43 @@
+import pytest
+
+from skinbake.errors import InputError
+from skinbake.io.table import read_profile_csv
+
+
+def test_reads_by_header(tmp_path):
+    """Columns are found by name in any order; others, comments, blank lines and a byte-order mark are passed over."""
+    file = tmp_path / "p.csv"
+    file.write_text("\ufeff# measured\nG, R ,r_mm,B,note\n\n2,1,0,3,x\n5,4,0.5,6,y\n", encoding="utf-8")
+    radius, rgb = read_profile_csv(file)
+    assert radius.tolist() == [0, 0.5]
+    assert rgb.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "empty file"),
+        ("r_mm,R,G\n1,2,3\n", r"p\.csv:1: expected columns r_mm, R, G, B, missing B"),
+        ("r_mm,R,G,B\n1,2,3,4\n2,x,3,4\n", r"p\.csv:3: expected numbers"),
+        ("r_mm,R,G,B\n1,2,3\n", r"p\.csv:2: expected numbers"),
+        ("r_mm,R,G,B\n1,2,3,nan\n", r"p\.csv:2: expected finite"),
+        ("r_mm,R,G,B\n2,2,3,4\n1,2,3,4\n", r"p\.csv:3: r_mm: expected ascending values >= 0, got 1"),
+        ("r_mm,R,G,B\n-1,2,3,4\n", "got -1"),
+        ("r_mm,R,G,B\n1,2,3,4\n", "at least two rows, got 1"),
+    ],
+)
+def test_faults_name_file_and_line(tmp_path, text, message):
+    """What is wrong with a table is said with its file and line."""
+    file = tmp_path / "p.csv"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_profile_csv(file)
+
+
+def test_missing_file_and_binary(tmp_path):
+    """No file, and a file that is no text."""
+    with pytest.raises(InputError, match="No such file"):
+        read_profile_csv(tmp_path / "none.csv")
+    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(InputError, match="not text"):
+        read_profile_csv(tmp_path / "b.csv")
