@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 @click.option("--out", type=click.Path(file_okay=False), help="Folder for pictures, named after their views.")
 @click.option("--png", type=click.Path(dir_okay=False), help="One picture, to this file.")
 @click.option("--exr", is_flag=True, help="Also write linear float EXRs beside the PNGs.")
-@click.option("--views", metavar="A,B", help="front, left, right, three-quarter, back, ear, nose, lips, eyes.")
+@click.option(
+    "--views",
+    metavar="A,B",
+    help="front, left, right, three-quarter, three-quarter-right, back, ear, nose, lips, eyes.",
+)
 @click.option("--turntable", type=click.IntRange(1, 3600), metavar="N", help="N frames once around the head.")
 @click.option("--size", metavar="WxH", help="Size of a picture in pixels; one number is a square.")
 @click.option("--compare", is_flag=True, help="Without and with scattering, side by side.")

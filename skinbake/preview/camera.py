@@ -19,14 +19,15 @@ ANGLES = {
     "left": (90.0, 0.0),
     "right": (-90.0, 0.0),
     "three-quarter": (32.0, 4.0),
+    "three-quarter-right": (-32.0, 4.0),
     "back": (180.0, 0.0),
 }
 # Landmark, its offset and the height of the frame in mm of an adult head, azimuth, elevation
 CLOSE_UPS: dict[str, tuple[str, tuple[float, float, float], float, float, float]] = {
-    "nose": ("nose", (0.0, 12.0, -12.0), 95.0, 24.0, 2.0),
+    "nose": ("nose", (0.0, 10.0, -12.0), 72.0, 24.0, 2.0),
     "lips": ("nose", (0.0, -36.0, -14.0), 80.0, 14.0, 0.0),
     "eyes": ("nose", (0.0, 38.0, -24.0), 105.0, 10.0, 2.0),
-    "ear": ("ear", (0.0, 0.0, 0.0), 115.0, 78.0, 2.0),
+    "ear": ("ear", (0.0, 0.0, 12.0), 92.0, 78.0, 2.0),
 }
 VIEWS = (*ANGLES, *CLOSE_UPS)
 
