@@ -18,6 +18,7 @@ from skinbake.scene.spec import MM_PER_UNIT
 SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl", ".off")
 HEAD_MM = (80.0, 1000.0)  # longest side of anything from a face mask to a bust
 TYPICAL_HEAD_MM = 240.0
+LARGEST = 1e18  # of any coordinate: its fourth power is still a float64
 
 
 def read_mesh(
@@ -54,12 +55,8 @@ def read_mesh(
         raise InputError(f"{path}: expected triangles, got none")
     offsets = np.cumsum([0] + [len(positions) for positions, *_ in parts])
     positions = np.concatenate([p for p, *_ in parts]) * mm_per_unit
+    _check_positions(path, positions)
     faces = np.concatenate([f + o for (_, f, _, _), o in zip(parts, offsets[:-1], strict=True)])
-    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
-    if len(bad):
-        raise InputError(
-            f"{path}: expected finite vertices, got {len(bad)} with NaN or Inf, the first at index {bad[0]}"
-        )
     if not any_size:
         _check_size(path, positions, mm_per_unit)
 
@@ -78,7 +75,7 @@ def read_mesh(
     positions, faces = _weld(positions, faces)
     smooth = smooth_vertex_normals(positions, faces)[faces]
     given = np.concatenate([np.zeros((len(f), 3, 3)) if n is None else n[f] for _, f, _, n in parts])
-    given = normalized(np.nan_to_num(given, nan=0.0, posinf=0.0, neginf=0.0))
+    given = normalized(given)
     missing = ~given.any(axis=2, keepdims=True)
     mesh = SkinMesh(positions, faces, corner_uv, np.where(missing, smooth, given))
     return unwrap_mesh(mesh) if unwrap == "xatlas" and not has_uvs else mesh
@@ -147,18 +144,47 @@ def _part(path: Path, geometry: Any, transform: Float) -> tuple[Float, NDArray[n
     """Positions, faces, UVs and normals by vertex, in the file's world space."""
     positions = np.asarray(geometry.vertices, dtype=np.float64)
     faces = np.asarray(geometry.faces, dtype=np.int32)
+    _check_positions(path, positions)
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        raise InputError(f"{path}: expected triangles, got faces of shape {faces.shape}")
     if len(faces) and (faces.min() < 0 or faces.max() >= len(positions)):
         raise InputError(f"{path}: a triangle names vertex {int(faces.max())}, of {len(positions)} vertices")
     linear = transform[:3, :3]
+    size = np.abs(transform).max()
+    if not (np.isfinite(size) and size < LARGEST and np.abs(np.linalg.det(linear)) > 0):
+        raise InputError(f"{path}: expected a transform that can be undone, got {linear.tolist()}")
     positions = positions @ linear.T + transform[:3, 3]
     uv = getattr(geometry.visual, "uv", None)
     # trimesh keeps normals read from the file in its cache; its property would invent split ones where there are none
     normals = geometry._cache.cache.get("vertex_normals")
     if normals is not None:
-        normals = np.asarray(normals, dtype=np.float64) @ np.linalg.inv(linear) * np.sign(np.linalg.det(linear))
+        normals = np.asarray(normals, dtype=np.float64)
+        if normals.shape == positions.shape:  # what is no direction is left out, and made from the triangles
+            normals = np.where(np.abs(normals) < LARGEST, normals, 0.0)
+            normals = normals @ np.linalg.inv(linear)
+        else:
+            normals = None
     if np.linalg.det(linear) < 0:
         faces = np.ascontiguousarray(faces[:, ::-1])
-    return positions, faces, None if uv is None else np.asarray(uv, dtype=np.float64)[:, :2], normals
+    if uv is not None:
+        uv = np.asarray(uv, dtype=np.float64)
+        if uv.ndim != 2 or uv.shape[1] < 2 or len(uv) != len(positions):
+            raise InputError(f"{path}: expected two UV coordinates a vertex, got shape {uv.shape}")
+        uv = uv[:, :2]
+    return positions, faces, uv, normals
+
+
+def _check_positions(path: Path, positions: Float) -> None:
+    """Refuse what no arithmetic can follow; the size gate comes later, in millimetres."""
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise InputError(f"{path}: expected vertices of three coordinates, got shape {positions.shape}")
+    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{path}: expected finite vertices, got {len(bad)} with NaN or Inf, the first at index {bad[0]}"
+        )
+    if positions.size and np.abs(positions).max() >= LARGEST:
+        raise InputError(f"{path}: expected vertices below {LARGEST:g}, got {np.abs(positions).max():g}")
 
 
 def _weld(positions: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArray[np.int32]]:
