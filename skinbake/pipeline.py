@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, AtlasRaster, rasterize, sample_map
 from skinbake.diffuse import DiffuseMap, diffuse
 from skinbake.diffuse.diffuse_map import PlanLine
+from skinbake.diffuse.transmission import transmit
 from skinbake.irradiance import IrradianceMap, light_texels
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
 from skinbake.numerics import Float
@@ -86,14 +87,11 @@ def scatter(
     gaussians: GaussianSum,
     say: Say | None = None,
 ) -> DiffuseMap:
-    """Lobes of irradiance times albedo^x, x = 1 for pre-scatter texturing (THEORY 5.1)."""
-    exponent = spec.texturing.exponent_before
-    source = {
-        tile.tile: tile.rgb * albedo_of(scene.maps, raster, scene.mesh, exponent)
-        for tile, raster in zip(irradiance, atlas, strict=True)
-    }
-    return diffuse(
-        source,
+    """Lobes of irradiance times albedo^x, x = 1 for pre-scatter texturing, and light through thin parts."""
+    exponent = np.float32(spec.texturing.exponent_before)
+    albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
+    diffused = diffuse(
+        {tile.tile: tile.rgb * colour**exponent for tile, colour in zip(irradiance, albedo, strict=True)},
         irradiance[0].lights,
         atlas,
         scene.mesh,
@@ -103,14 +101,30 @@ def scatter(
         precision=spec.output.precision,
         progress=say,
     )
+    area = [raster.area_mm2[..., None] for raster in atlas]
+    mean = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True)) / sum(
+        map(np.sum, area)
+    )
+    texture, terms = spec.texture, spec.terms
+    through, line = transmit(
+        diffused,
+        scene.mesh,
+        gaussians,
+        texture.size,
+        texture.gutter,
+        texture.udim,
+        mean,
+        terms.transmission,
+        spec.diffusion.tolerance,
+    )
+    return replace(diffused, lobes=diffused.lobes + ((through,) if through else ()), plan=(*diffused.plan, line))
 
 
-def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh, exponent: float) -> NDArray[np.float32]:
-    """albedo^exponent at the texels of a tile, shape (H, W, 3), or (3,) where it is the same everywhere."""
-    if exponent == 0 or raster.tile not in maps.albedo:
-        return np.asarray(maps.albedo_rgb, np.float32) ** np.float32(exponent)
-    albedo = np.maximum(sample_map(raster, mesh, maps.albedo, maps.albedo_rgb), 0)
-    return albedo if exponent == 1 else albedo ** np.float32(exponent)
+def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> NDArray[np.float32]:
+    """Linear albedo at the texels of a tile, shape (H, W, 3), or (1, 1, 3) where it is the same everywhere."""
+    if raster.tile not in maps.albedo:
+        return np.array(maps.albedo_rgb, np.float32).reshape(1, 1, 3)
+    return np.maximum(sample_map(raster, mesh, maps.albedo, maps.albedo_rgb), 0)
 
 
 def energy_conservation(spec: SceneSpec) -> PlanLine:
