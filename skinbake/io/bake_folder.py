@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -97,7 +98,10 @@ def _tiled(files: list[str], spec: SceneSpec) -> list[tuple[int, str]]:
     """Files by their tile, which the name holds when there are tiles (`lobe_0.1002.exr`)."""
     if not spec.texture.udim:
         return [(FIRST_TILE, files[0])]
-    return [(int(Path(file).stem.rpartition(".")[2]), file) for file in files]
+    numbers = [Path(file).stem.rpartition(".")[2] for file in files]
+    if not all(re.fullmatch(r"[1-9]\d{3}", number) for number in numbers):
+        raise InputError(f"{NAME}: expected a tile number in each file name, got {', '.join(files)}; bake it again")
+    return [(int(number), file) for number, file in zip(numbers, files, strict=True)]
 
 
 def _layers(path: Path, parts: dict[str, Part], names: tuple[str, ...] | None) -> NDArray[np.floating]:

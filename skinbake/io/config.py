@@ -143,6 +143,9 @@ def resolve_paths(located: Located, base: Path, only: str | None = None) -> None
 
 
 def _absolute(text: str, base: Path) -> Path:
+    if "\0" in text:
+        raise InputError("expected a path, got text with a NUL character")
+
     def variable(match: re.Match[str]) -> str:
         value = os.environ.get(match[1]) or match[2]
         if value is None:

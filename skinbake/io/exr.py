@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -117,17 +118,18 @@ def read_parts(path: Path | str) -> dict[str, Part]:
     """
     import OpenImageIO as oiio
 
-    source = _open(path)
     parts, index = {}, 0
-    while source.seek_subimage(index, 0):
-        spec = source.spec()
-        pixels = source.read_image(index, 0, 0, spec.nchannels, oiio.UNKNOWN)
-        if pixels is None:
-            raise InputError(f"{path}: expected a whole EXR, got: {source.geterror()}")
-        channels = {name: pixels[..., i] for i, name in enumerate(spec.channelnames)}
-        name = str(spec.get_string_attribute("name"))
-        parts[name] = Part(name, channels, {attribute.name: attribute.value for attribute in spec.extra_attribs})
-        index += 1
+    with _undamaged(path):
+        source = _open(path)
+        while source.seek_subimage(index, 0):
+            spec = source.spec()
+            pixels = source.read_image(index, 0, 0, spec.nchannels, oiio.UNKNOWN)
+            if pixels is None:
+                raise InputError(f"{path}: expected a whole EXR, got: {source.geterror()}")
+            channels = {name: pixels[..., i] for i, name in enumerate(spec.channelnames)}
+            name = str(spec.get_string_attribute("name"))
+            parts[name] = Part(name, channels, {attribute.name: attribute.value for attribute in spec.extra_attribs})
+            index += 1
     return parts
 
 
@@ -139,17 +141,27 @@ def read_attributes(path: Path | str) -> dict[str, dict[str, Any]]:
     InputError
         The file is missing or is not an EXR.
     """
-    source = _open(path)
     headers, index = {}, 0
-    while source.seek_subimage(index, 0):
-        spec = source.spec()
-        header = {attribute.name: attribute.value for attribute in spec.extra_attribs}
-        headers[str(header.get("name", ""))] = header | {
-            "size": [spec.width, spec.height],
-            "channels": spec.channelnames,
-        }
-        index += 1
+    with _undamaged(path):
+        source = _open(path)
+        while source.seek_subimage(index, 0):
+            spec = source.spec()
+            header = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+            headers[str(header.get("name", ""))] = header | {
+                "size": [spec.width, spec.height],
+                "channels": spec.channelnames,
+            }
+            index += 1
     return headers
+
+
+@contextmanager
+def _undamaged(path: Path | str) -> Iterator[None]:
+    """Names in a damaged header are not text; OpenImageIO's binding then fails to decode them, or its own message."""
+    try:
+        yield
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected an EXR file, got one with a damaged header ({error.reason})") from error
 
 
 def _open(path: Path | str) -> Any:

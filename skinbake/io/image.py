@@ -147,9 +147,12 @@ def _pixels(path: Path) -> tuple[NDArray[Any], str]:
         raise InputError(f"{path}: expected an image, {'got a folder' if path.is_dir() else 'no such file'}")
     hint = oiio.ImageSpec()
     hint.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), hint)
-    if source is None:
-        raise InputError(f"{path}: not an image that can be read ({_reason(oiio.geterror())})")
+    try:
+        source = oiio.ImageInput.open(str(path), hint)
+        if source is None:
+            raise InputError(f"{path}: not an image that can be read ({_reason(oiio.geterror())})")
+    except UnicodeDecodeError as error:  # OpenImageIO quotes the damaged bytes in its message
+        raise InputError(f"{path}: not an image that can be read ({error.reason})") from error
     try:
         spec = source.spec()
         if spec.deep or spec.depth != 1:
@@ -162,6 +165,8 @@ def _pixels(path: Path) -> tuple[NDArray[Any], str]:
         if pixels is None or source.has_error:
             raise InputError(f"{path}: the image is cut or damaged ({_reason(source.geterror())})")
         return pixels, str(spec.get_string_attribute("oiio:ColorSpace")).lower()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: the image is cut or damaged ({error.reason})") from error
     finally:
         source.close()
 

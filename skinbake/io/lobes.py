@@ -65,6 +65,13 @@ def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> 
     header = _header(tile_path(folder / lobe_name(0), tiles[0], udim))
     if header.get("skinbake:key") != key:
         return None
+    try:
+        return _summary(folder, header, key, tiles, udim)
+    except (LookupError, ValueError, TypeError, AttributeError):  # damaged: as good as missing
+        return None
+
+
+def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:
     summary = json.loads(header["skinbake:diffusion"])
     lobes = []
     for name in summary["files"]:

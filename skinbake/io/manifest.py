@@ -8,12 +8,35 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, Field
+
 from skinbake.errors import InputError
 from skinbake.io.atomic import write_text
 from skinbake.scene.parse import parse
 from skinbake.scene.spec import SceneSpec
 
 NAME = "bake.json"
+
+
+class _Entry(BaseModel):
+    """One lobe, as far as readers of a folder need it; other keys are free."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
+    file: str
+    tiles: dict[str, str] = {}
+    weight_rgb: tuple[float, float, float]
+    variance_mm2: float | None = None
+    method: str = ""
+
+
+class _Manifest(BaseModel):
+    """What readers of a folder rely on; other keys are free."""
+
+    config: dict[str, Any]
+    lobes: list[_Entry]
+    lights: list[str] = []
+    irradiance: list[str] = Field(["irradiance.exr"], min_length=1)
+    terms: dict[str, Any] = {}
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -34,10 +57,11 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: expected a bake folder with {NAME} in it, got: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: expected JSON, got: {error}") from error
-    if not isinstance(manifest, dict) or "config" not in manifest or "lobes" not in manifest:
+    if not isinstance(manifest, dict):
         raise InputError(f"{path}: expected a manifest with config and lobes")
+    parse(_Manifest, manifest, lambda key, sentence: f"{path}: {'.'.join(map(str, key))}: {sentence}")
     return manifest
 
 

@@ -12,6 +12,8 @@ import yaml
 from skinbake.errors import ConfigError, InputError
 
 Key = tuple[str | int, ...]
+# Text, numbers and trees of them; !!binary, !!set and the like would pass for something else further on
+_PLAIN = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "timestamp", "seq", "map")}
 
 
 @dataclass
@@ -49,8 +51,9 @@ def read_yaml(path: Path | str) -> Located:
 
 def parse_yaml(text: str, name: str) -> Located:
     """Parse a YAML mapping; `name` stands in messages."""
-    loader = yaml.SafeLoader(text)
+    loader = None
     try:
+        loader = yaml.SafeLoader(text)
         node = loader.get_single_node()
         if node is None:
             raise ConfigError([f"{name}:1: expected a mapping, got an empty file"])
@@ -61,17 +64,21 @@ def parse_yaml(text: str, name: str) -> Located:
         if faults:
             raise ConfigError(faults)
         return Located(loader.construct_document(node), places)
-    except (yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or str(error).splitlines()[0] if str(error) else "nested too deep"
         raise ConfigError([f"{name}:{mark.line + 1 if mark else 1}: expected YAML, got: {problem}"]) from error
     finally:
-        loader.dispose()
+        if loader is not None:
+            loader.dispose()
 
 
 def _walk(node: yaml.Node, at: Key, name: str, places: dict[Key, str], parents: set[int]) -> Iterator[str]:
     if id(node) in parents:
         yield f"{name}:{node.start_mark.line + 1}: expected a tree, got an anchor that contains itself"
+        return
+    if node.tag not in _PLAIN:
+        yield f"{name}:{node.start_mark.line + 1}: {dotted(at)}: expected plain YAML, got the tag {node.tag}"
         return
     parents = parents | {id(node)}
     places[at] = f"{name}:{node.start_mark.line + 1}"

@@ -1,0 +1,369 @@
+"""What is fuzzed: valid files to start from, how they are damaged, and what must hold of whatever is read from the damage.
+
+A target's `read` may end in a SkinbakeError or in a value whose promises hold. Anything else is a finding: another
+exception, a warning, a crash, a hang, memory beyond the limit.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from skinbake.errors import SkinbakeError
+from tests.conftest import ROOT
+from tests.fuzz.mutate import TOKENS, damaged_bytes, damaged_text, damaged_tree, damaged_yaml
+from tests.shapes import quad, sphere
+
+Seeds = tuple[tuple[str, bytes], ...]  # file suffix, content
+
+
+@dataclass(frozen=True)
+class Target:
+    """One reader under fuzzing."""
+
+    seeds: Callable[[], Seeds]
+    damage: Callable[[Seeds, Random], tuple[str, bytes]]
+    read: Callable[[Path], None]
+
+
+def survives(target: Target, suffix: str, content: bytes, folder: Path) -> str:
+    """Read one input; "refused" or "read". Warnings count as failures: a person would see them on the terminal."""
+    path = folder / f"input{suffix}"
+    path.write_bytes(content)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            target.read(path)
+        except SkinbakeError as error:
+            assert str(error).strip(), "an error without a message"
+            return "refused"
+    return "read"
+
+
+# Configuration -------------------------------------------------------------------------------------------------------
+
+WHOLE_LOOK = """\
+mesh: {path: head.obj, mm_per_unit: 50.35, flip_v: false}
+maps: {albedo: {path: a.png, color_space: srgb}, normal: {path: n.png, green: directx, strength: 0.5}, roughness: r.png, specular: null}
+texture: {size: [64, 32], gutter: 4, udim: true}
+skin:
+  model: multipole
+  layers:
+    - {sigma_a_per_mm: [2.1, 2.1, 5.0], sigma_sp_per_mm: 48, thickness_mm: 0.03, eta: 1.55}
+    - {sigma_a_per_mm: [0.16, 0.19, 0.3], sigma_sp_per_mm: [32, 40, 46], thickness_mm: .inf, eta: 1.4}
+  fit: {tolerance: 0.01}
+  normalise: none
+lights:
+  - {name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}
+  - {name: rim, type: point, position_mm: [0, 0, 100], intensity: [1, 1, 1]}
+  - {name: spot, type: spot, position_mm: [0, 9, 100], intensity: [1, 1, 1], axis: [0, 0, -1], inner_deg: 10, outer_deg: 20}
+  - {name: soft, type: rectangle, position_mm: [0, 0, 100], edge_u_mm: [9, 0, 0], edge_v_mm: [0, 9, 0], radiance: [1, 1, 1], samples: 16}
+  - {name: sky, type: environment, path: sky.exr, scale: 2, rotate_deg: 90}
+shadows: off
+diffusion: {method: surface, tolerance: 0.01, separate: true, normalise: false, probes: 100}
+texturing: {mode: mix, mix: 0.5}
+specular: {f0: 0.028, roughness: 0.3, strength: 0.318}
+terms: {energy_conservation: on, transmission: off}
+output: {dir: out, precision: half, compression: zip, lights: separate, seed: 7, tx: false}
+preview: {size: [64, 64], view: front, exposure: 1.0, background_rgb: [0, 0, 0]}
+"""
+
+
+@cache
+def look_seeds() -> Seeds:
+    looks = [WHOLE_LOOK.encode()]
+    for skin in sorted((ROOT / "configs" / "skins").glob("*.yaml")):
+        looks.append(f"mesh: {{path: h.obj, unit: mm}}\nskin: {{preset: {skin.stem}}}\noutput: {{dir: o}}\n".encode())
+        looks[-1] += b"lights: [{name: key, type: environment, radiance: [1, 1, 1]}]\n"
+    looks += [(ROOT / "configs" / name).read_bytes() for name in ("head.yaml", "lee_perry_smith.yaml")]
+    return tuple((".yaml", look) for look in looks)
+
+
+def damage_yaml(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
+    suffix, seed = seeds[0] if rng.random() < 0.6 else rng.choice(seeds)
+    return suffix, damaged_yaml(seed.decode(), rng).encode("utf-8", "surrogateescape")
+
+
+def read_look(path: Path) -> None:
+    from skinbake.io.config import load_look
+    from skinbake.io.manifest import portable_config, spec_of
+    from skinbake.scene.spec import SceneSpec
+
+    spec = load_look(path)
+    assert isinstance(spec, SceneSpec)
+    # What bake.json will hold must give the same look again
+    again = spec_of({"config": json.loads(json.dumps(portable_config(spec, path.parent)))}, path.parent)
+    assert again == spec, "a look does not survive its own manifest"
+
+
+def read_skin(path: Path) -> None:
+    from skinbake.io.config import load_skin
+
+    load_skin(path)
+
+
+@cache
+def skin_seeds() -> Seeds:
+    models = (
+        "model: burley\nd_mm: [0.7, 0.3, 0.2]\n",
+        "model: burley\nmean_free_path_mm: 1\nalbedo_rgb: 0.8\nmean_free_path: diffuse\n",
+        "model: dipole\nsigma_a_per_mm: 0.1\nsigma_sp_per_mm: [1, 2, 3]\nvariant: better\nfit: {gaussians: 4, signed: true}\n",
+        "model: transport\nlayers: [{sigma_a_per_mm: 1, sigma_sp_per_mm: 2, g: 0.8}]\nphotons: 100\n",
+        "model: table\npath: x.csv\n",
+        "model: physiology\nmelanin: 0.1\n",
+        "variance_mm2: [0, 1]\nweight_rgb: [[1, 1, 1], [0, 0, 0]]\nnormalise: none\n",
+    )
+    return tuple((".yaml", text.encode()) for text in models)
+
+
+def damage_overrides(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
+    """Lines of `dotted.key=value`, right and wrong."""
+    keys = ["mesh", "path", "lights", "key", "0", "7", "-1", "skin", "layers", "1", "eta", "fit", "gaussians", "texture", "size", "maps",
+            "albedo", "output", "dir", "", "[0]", "a b", "name", "irradiance", "preset", "<<", "é"]  # fmt: skip
+    lines = []
+    for _ in range(rng.randrange(1, 4)):
+        name = rng.choice([".", ".", "[", "]", ".."]).join(rng.choices(keys, k=rng.randrange(1, 5)))
+        value = rng.choice([rng.choice(TOKENS), damaged_text("[1, {a: 2}]", rng), str(rng.uniform(-3, 3)), "donner-three-layer"])
+        lines.append(name + rng.choice(["=", "=", "=", "", "=="]) + value)
+    return ".txt", "\n".join(lines).encode("utf-8", "surrogateescape")
+
+
+def read_overrides(path: Path) -> None:
+    from skinbake.io.config import load_look
+
+    look = path.with_name("look.yaml")
+    look.write_text(WHOLE_LOOK)
+    load_look(look, path.read_text("utf-8", "surrogateescape").split("\n"))
+
+
+@cache
+def batch_seeds() -> Seeds:
+    text = """\
+defaults: {base: look.yaml, output: {dir: out}, texture: {size: 64}}
+jobs:
+  - {name: one, skin: {preset: jensen-skin1}}
+  - {name: two, lights.key.irradiance: [1, 2, 3]}
+matrix:
+  size: {small: {texture: {size: 16}}, 32: {texture.size: 32}}
+  skin: {light: {skin: {preset: physiology-light}}, dark: {skin: {preset: physiology-dark}}}
+"""
+    return ((".yaml", text.encode()), (".yaml", (ROOT / "configs" / "looks.yaml").read_bytes()))
+
+
+def read_batch(path: Path) -> None:
+    from skinbake.io.batch_file import load_batch
+
+    path.with_name("look.yaml").write_text(WHOLE_LOOK)
+    jobs = load_batch(path).jobs
+    assert len({job.name for job in jobs}) == len(jobs) > 0
+
+
+@cache
+def manifest_seeds() -> Seeds:
+    from skinbake.io.config import load_look
+    from skinbake.io.manifest import portable_config
+
+    with TemporaryDirectory() as folder:
+        look = Path(folder) / "look.yaml"
+        look.write_text(WHOLE_LOOK)
+        config = portable_config(load_look(look), Path(folder))
+    lobe = {"file": "lobe_0.exr", "variance_mm2": 0.1, "weight_rgb": [1, 1, 1], "size": [8, 4], "method": "texture"}
+    manifest = {
+        "version": "0.1.0", "config": config, "inputs": {"mesh": "0" * 64}, "irradiance": ["irradiance.exr"], "lobes": [lobe],
+        "lights": ["key", "rim", "spot", "soft", "sky"], "texturing": {"mode": "mix", "mix": 0.5}, "terms": {"energy_conservation": True},
+        "timings": {"total": 1.0}, "error": {"rms": 0.01}, "plan": [],
+    }  # fmt: skip
+    return ((".json", json.dumps(manifest, indent=1).encode()),)
+
+
+def damage_json(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
+    suffix, seed = rng.choice(seeds)
+    if rng.random() < 0.7:
+        tree = damaged_tree(json.loads(seed), rng)
+        return suffix, json.dumps(tree, default=str, skipkeys=True).encode()
+    return suffix, damaged_text(seed.decode(), rng).encode("utf-8", "surrogateescape")
+
+
+def read_manifest_file(path: Path) -> None:
+    """As every reader of a bake folder does."""
+    from skinbake.io.bake_folder import read_bake_folder
+
+    path.rename(path.with_name("bake.json"))
+    read_bake_folder(path.parent)
+
+
+# Meshes --------------------------------------------------------------------------------------------------------------
+
+
+@cache
+def mesh_seeds(suffix: str) -> Seeds:
+    from skinbake.io.mesh import write_obj
+
+    found = []
+    for mesh in (quad(3.0, 2.0), sphere(50.0, "cube", 8)):
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "seed.obj"
+            write_obj(path, mesh)
+            found.append((suffix, path.read_bytes() if suffix == ".obj" else _exported(path, suffix)))
+    if suffix == ".obj":
+        quads = "mtllib a.mtl\no part\ng a b\nusemtl skin\nv 0 0 0 1\nv 9 0 0\nv 9 9 0\nv 0 9 0\nvt 0 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+        found += [(suffix, f"{quads}s off\nf 1/1 2/2 3/3 4/4\nf -4/-4 -3/-3 -2/-2\nl 1 2\np 1\n".encode())]
+    return tuple(found)
+
+
+def _exported(obj: Path, suffix: str) -> bytes:
+    import trimesh
+
+    mesh = trimesh.load(obj, process=False, force="mesh")
+    out = io.BytesIO()
+    mesh.export(out, file_type=suffix[1:])
+    return out.getvalue()
+
+
+def damage_mesh(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
+    (suffix, seed), (_, other) = rng.choice(seeds), rng.choice(seeds)
+    if suffix in (".obj", ".off") and rng.random() < 0.7:
+        return suffix, damaged_text(seed.decode(), rng).encode("utf-8", "surrogateescape")
+    return suffix, damaged_bytes(seed, other, rng)
+
+
+def read_any_mesh(path: Path) -> None:
+    from skinbake.io.mesh import read_mesh
+
+    mesh = read_mesh(path, 1.0, any_size=True, without_uvs=True)
+    assert len(mesh.faces) > 0
+    assert mesh.faces.min() >= 0
+    assert mesh.faces.max() < len(mesh.positions_mm)
+    for name in ("positions_mm", "corner_uv", "corner_normal"):
+        assert np.isfinite(getattr(mesh, name)).all(), name
+    assert np.abs(np.linalg.norm(mesh.corner_normal, axis=2)).max() < 1 + 1e-6
+
+
+# Images --------------------------------------------------------------------------------------------------------------
+
+
+def _small_image() -> np.ndarray:
+    return np.random.default_rng(0).random((5, 7, 3), dtype=np.float32)
+
+
+@cache
+def exr_seeds() -> Seeds:
+    from skinbake.io.exr import write_parts
+    from skinbake.io.irradiance import write_irradiance
+    from skinbake.irradiance import IrradianceMap
+
+    image, found = _small_image(), []
+    lights = IrradianceMap(1001, ("key", "rim"), np.stack([image, image]), np.ones((2, 5, 7), np.float32), np.ones((5, 7), np.float32))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "seed.exr"
+        for compression in ("none", "rle", "zips", "zip", "piz"):
+            for precision in ("half", "float"):
+                write_irradiance(path, lights, {"key": "a", "rim": "b"}, {"skinbake:version": "0"}, precision, compression)
+                found.append((".exr", path.read_bytes()))
+        from skinbake.io.exr import Part, rgb_channels
+
+        write_parts(path, [Part("", rgb_channels(image))])
+        found.append((".exr", path.read_bytes()))
+    return tuple(found)
+
+
+def damage_binary(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
+    (suffix, seed), (_, other) = rng.choice(seeds), rng.choice(seeds)
+    return suffix, damaged_bytes(seed, other, rng)
+
+
+def read_exr(path: Path) -> None:
+    """Every way an EXR comes in: header, parts, irradiance, keys, a lobe."""
+    from skinbake.io.exr import read_attributes, read_parts
+    from skinbake.io.irradiance import light_keys, read_irradiance
+    from skinbake.io.lobes import read_summary
+
+    refusals = []
+    for read in (read_attributes, read_parts, light_keys):
+        try:
+            read(path)
+        except SkinbakeError as error:
+            refusals.append(error)
+    lobe = path.with_name("lobe_0.exr")
+    path.rename(lobe)
+    read_summary(lobe.parent, "a", (1001,), False)
+    found = read_irradiance(lobe, 1001)
+    assert np.isfinite(found.rgb).all()
+    assert (found.rgb >= 0).all()
+    if refusals:
+        raise refusals[0]
+
+
+@cache
+def image_seeds() -> Seeds:
+    import OpenImageIO as oiio
+
+    found, image = [], _small_image()
+    with TemporaryDirectory() as folder:
+        for name in ("a.png", "b.png", "a.jpg", "a.tif", "b.tif", "a.hdr", "a.exr", "a.tga", "a.bmp", "a.dpx"):
+            kind = oiio.UINT16 if name.startswith("b") else oiio.FLOAT if name[2:] in ("hdr", "exr") else oiio.UINT8
+            path = Path(folder) / name
+            out = oiio.ImageOutput.create(str(path))
+            out.open(str(path), oiio.ImageSpec(7, 5, 3, kind))
+            out.write_image(image)
+            out.close()
+            found.append((path.suffix, path.read_bytes()))
+    return tuple(found)
+
+
+def read_image(path: Path) -> None:
+    from skinbake.io.image import read_maps
+    from skinbake.scene.spec import MapsSpec
+
+    maps = MapsSpec.model_validate({name: str(path) for name in ("albedo", "normal", "roughness")})
+    found = read_maps(maps)
+    for values in (found.albedo[1001], found.normal[1001], found.roughness[1001]):
+        assert values.dtype == np.float32
+        assert np.isfinite(values).all()
+    assert found.albedo[1001].min() >= 0
+    assert found.albedo[1001].max() <= 1
+
+
+@cache
+def table_seeds() -> Seeds:
+    return ((".csv", b"\xef\xbb\xbfr_mm,R,G,B,x\n# note\n0,1,1,1,0\n0.5,0.25,0.2,0.1,0\n1e1,1e-9,0,0,0\n\n"),)
+
+
+def damage_table(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
+    suffix, seed = seeds[0]
+    return suffix, damaged_text(seed.decode(), rng).encode("utf-8", "surrogateescape")
+
+
+def read_table(path: Path) -> None:
+    from skinbake.io.table import read_profile_csv
+
+    radius, rgb = read_profile_csv(path)
+    assert np.isfinite(radius).all()
+    assert np.isfinite(rgb).all()
+    assert (np.diff(radius) > 0).all()
+
+
+TARGETS = {
+    "look": Target(look_seeds, damage_yaml, read_look),
+    "skin": Target(skin_seeds, damage_yaml, read_skin),
+    "overrides": Target(look_seeds, damage_overrides, read_overrides),
+    "batch": Target(batch_seeds, damage_yaml, read_batch),
+    "manifest": Target(manifest_seeds, damage_json, read_manifest_file),
+    **{
+        suffix[1:]: Target(lambda suffix=suffix: mesh_seeds(suffix), damage_mesh, read_any_mesh)
+        for suffix in (".obj", ".glb", ".ply", ".stl", ".off")
+    },
+    "exr": Target(exr_seeds, damage_binary, read_exr),
+    "image": Target(image_seeds, damage_binary, read_image),
+    "table": Target(table_seeds, damage_table, read_table),
+}
