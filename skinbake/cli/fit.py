@@ -81,6 +81,9 @@ def readable(report: FitReport, extra: dict[str, Any]) -> str:
     lines += ["", _line("model reflects", report.energy_rgb, "{:10.5f}")]
     lines.append(_line("light kept", report.energy_ratio_rgb, "{:10.5f}"))
     lines.append(_line("relative error, %", 100 * report.relative_error_rgb))
+    noise = report.profile.relative_noise
+    if noise is not None:
+        lines.append(_line("of it noise of the photons, %", 100 * noise))
     lines.append(_line("largest residual of r R, %", 100 * report.largest_residual_rgb))
     lines.append(_line("  at r, mm", report.largest_residual_radius_mm))
     lines.append(f"{'condition number':>27}   {report.condition_number:10.3g}")

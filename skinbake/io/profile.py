@@ -42,6 +42,7 @@ def profile_csv(values: Evaluated) -> str:
 def fit_record(report: FitReport) -> dict[str, Any]:
     """A fit as plain lists: what profile.json holds."""
     gaussians = report.gaussians
+    noise, footprint = report.profile.relative_noise, report.profile.footprint_mm
     return {
         "variance_mm2": gaussians.variance_mm2.tolist(),
         "weight_rgb": gaussians.weight_rgb.tolist(),
@@ -55,6 +56,8 @@ def fit_record(report: FitReport) -> dict[str, Any]:
         "normalise": gaussians.normalise,
         "tolerance": report.tolerance,
         "tolerance_met": report.tolerance_met,
+        **({} if footprint == 0 else {"footprint_mm": footprint}),
+        **({} if noise is None else {"noise_rgb": noise.tolist()}),
     }
 
 

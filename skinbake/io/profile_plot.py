@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 NAMES = ("red", "green", "blue")
 COLOURS = ("#b5352c", "#2c7a4b", "#2a5c9e")
-INK, PALE = "#1d1d1f", "#c9c9ce"
+INK, PALE, SHADE = "#1d1d1f", "#c9c9ce", "#efeff2"
+CROWDED = 8  # above it the Gaussians are named by sigma alone
 LABELLED = 0.005  # Gaussians with a smaller share of their channel's light are drawn but not named
 
 
@@ -44,8 +45,9 @@ def fit_figure(report: FitReport) -> Figure:
             if abs(share) > LABELLED:
                 # r G(v, r) peaks at sigma
                 sigma = float(np.sqrt(variance))
+                name = f"{sigma:.2g}\n{100 * share:.2g} %" if len(gaussians.variance_mm2) <= CROWDED else f"{sigma:.2g}"
                 top.annotate(
-                    f"{sigma:.2g}\n{100 * share:.2g} %", (sigma, lobe[abs(lobe).argmax()]), (0, 4),
+                    name, (sigma, lobe[abs(lobe).argmax()]), (0, 4),
                     textcoords="offset points", ha="center", va="bottom", fontsize=7, linespacing=1.05,
                     color=COLOURS[c], zorder=5, path_effects=[withStroke(linewidth=2, foreground="white")],
                 )  # fmt: skip
@@ -61,13 +63,15 @@ def fit_figure(report: FitReport) -> Figure:
         below.set_xlabel("r, mm")
         for ax in (top, below):
             _plain(ax)
+            if report.profile.footprint_mm > r[0]:
+                ax.axvspan(r[0], report.profile.footprint_mm, color=SHADE, linewidth=0, zorder=0)
     axes[0, 0].set_xscale("log")
     axes[0, 0].set_xlim(r[0], r[-1])
     axes[0, 0].set_ylim(bottom=min(0.0, axes[0, 0].get_ylim()[0]))
     unit = ", light of a channel = 1" if gaussians.normalise == "white" else ""
     axes[0, 0].set_ylabel(f"r R(r), 1/mm{unit}")
     axes[1, 0].set_ylabel("residual,\n% of peak")
-    limit = max(1.15 * float(np.abs(residual).max()), 1e-3)
+    limit = max(1.15 * float(np.abs(residual[r >= report.profile.footprint_mm]).max(initial=0)), 1e-3)
     axes[1, 0].set_ylim(-limit, limit)
     _legend(figure, report)
     return figure
@@ -78,18 +82,18 @@ def _legend(figure: Figure, report: FitReport) -> None:
     from matplotlib.patches import Patch
 
     count = len(report.gaussians.variance_mm2)
-    each = f"its {count} Gaussian{'s' * (count > 1)}: sigma in mm, share of the light"
-    figure.legend(
-        handles=[
-            Line2D([], [], color=PALE, linewidth=5.5, label=f"model: {report.gaussians.model}"),
-            Line2D([], [], color=INK, linewidth=1.4, dashes=(4, 2), label="fit"),
-            Patch(facecolor="#8a8a90", alpha=0.35, edgecolor="#55555a", label=each),
-        ],
-        loc="outside upper left",
-        ncols=3,
-        frameon=False,
-        fontsize=9.5,
-    )
+    share = ", share of the light" if count <= CROWDED else ""
+    handles = [
+        Line2D([], [], color=PALE, linewidth=5.5, label=f"model: {report.gaussians.model}"),
+        Line2D([], [], color=INK, linewidth=1.4, dashes=(4, 2), label="fit"),
+        Patch(
+            facecolor="#8a8a90", alpha=0.35, edgecolor="#55555a",
+            label=f"its {count} Gaussian{'s' * (count > 1)}: sigma in mm{share}",
+        ),
+    ]  # fmt: skip
+    if report.profile.footprint_mm > report.curve.radius_mm[0]:
+        handles.append(Patch(facecolor=SHADE, label="finer than the fit looks"))
+    figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9.5)
 
 
 def _plain(ax: Any) -> None:

@@ -33,6 +33,9 @@ class DiffusionProfile(ABC):
 
     model: str
 
+    # Detail a fit does not look at, where R rises as 1/r and its norm would be infinite; 0 where R is finite
+    footprint_mm: float = 0.0
+
     @abstractmethod
     def reflectance(self, radius_mm: ArrayLike) -> Float:
         """R(r), mm^-2, shape (N, 3)."""
@@ -65,6 +68,11 @@ class DiffusionProfile(ABC):
         return None
 
     @property
+    def relative_noise(self) -> Float | None:
+        """Standard error in the norm of the fit, relative to the profile, shape (3,): no fit errs by much less."""
+        return None
+
+    @property
     def total_stderr(self) -> Float | None:
         """Standard error of the total reflectance, shape (3,); None where the model is not statistical."""
         return None
@@ -81,8 +89,6 @@ class SpectralProfile(DiffusionProfile):
     @abstractmethod
     def lengths_mm(self) -> tuple[float, float]:
         """Shortest and longest length that shape the profile: R~ falls as exp(-s shortest) or faster."""
-
-    footprint_mm: float = 0.0
 
     @property
     def total_reflectance(self) -> Float:

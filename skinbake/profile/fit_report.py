@@ -79,7 +79,7 @@ class FitReport:
 
     @property
     def largest_residual_rgb(self) -> Float:
-        """Greatest |r R - r fit| over greatest r R, shape (3,)."""
+        """Greatest |r R - r fit| over greatest r R beyond the profile's footprint, shape (3,)."""
         return self._residual[0]
 
     @property
@@ -91,8 +91,10 @@ class FitReport:
     def _residual(self) -> tuple[Float, Float]:
         curve = self.curve
         r = curve.radius_mm[:, None]
-        off = np.abs(r * (curve.fit_rgb - curve.model_rgb))
-        return safe_div(off.max(axis=0), (r * np.abs(curve.model_rgb)).max(axis=0)), curve.radius_mm[off.argmax(axis=0)]
+        seen = r >= self.profile.footprint_mm
+        off = np.where(seen, np.abs(r * (curve.fit_rgb - curve.model_rgb)), 0)
+        peak = np.where(seen, np.abs(r * curve.model_rgb), 0).max(axis=0)
+        return safe_div(off.max(axis=0), peak), curve.radius_mm[off.argmax(axis=0)]
 
 
 def curve_radii(gaussians: GaussianSum, count: int = CURVE_POINTS) -> Float:

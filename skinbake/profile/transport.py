@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinbake.numerics import Float
+from skinbake.numerics import Float, safe_div
 from skinbake.profile.diffusion_profile import DiffusionProfile, as_radii
 from skinbake.profile.fit_nodes import AnnulusNodes
 from skinbake.profile.layers import Layer, without_empty
@@ -18,6 +18,7 @@ from skinbake.profile.models import media_lengths
 
 CHUNKS = 64  # fixed, and summed in order: the result does not depend on the number of threads
 ANNULI_PER_DECADE = 24
+FIT_DISC = 0.1  # of the shortest free path
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class TransportProfile(DiffusionProfile):
     light_stderr : ndarray of shape (2, M, 3)
     total, total_error : ndarray of shape (2, 3)
         Totals above, below, and their standard errors.
+    free_path_mm : float
+        Shortest transport mean free path of the layers.
     unscattered, lost : ndarray of shape (3,)
         Share that left below without scattering; share still inside when its walk was cut off.
     """
@@ -44,6 +47,7 @@ class TransportProfile(DiffusionProfile):
     total_error: Float
     unscattered: Float
     lost: Float
+    free_path_mm: float
     model: str = "transport"
 
     @property
@@ -65,6 +69,15 @@ class TransportProfile(DiffusionProfile):
     def total_stderr(self) -> Float:
         """Standard error of the total reflectance."""
         return self.total_error[0]
+
+    @property
+    def relative_noise(self) -> Float:
+        """Root of the summed variances of the annuli over the norm of the profile, shape (3,)."""
+        nodes = self.fit_nodes()
+        area = np.pi * np.diff(nodes.edge_mm**2)[:, None]
+        weight = nodes.root_weight[:, None]
+        noise = np.linalg.norm(weight * np.sqrt(self._seen(self.light_stderr[0] ** 2)) / area, axis=0)
+        return safe_div(noise, np.linalg.norm(weight * nodes.target, axis=0))
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
         """R(r) between the annuli."""
@@ -90,10 +103,23 @@ class TransportProfile(DiffusionProfile):
         values = [np.interp(np.log(inside), np.log(at), at**2 * mean[:, c], right=0.0) for c in range(mean.shape[1])]
         return np.stack(values, axis=1) / inside[:, None] ** 2
 
+    @property
+    def footprint_mm(self) -> float:  # type: ignore[override]
+        """Radius of the disc that a fit sees as one: light scattered once rises as 1/r within a free path."""
+        return float(self.edge_mm[self._disc])
+
+    @property
+    def _disc(self) -> int:
+        return int(np.searchsorted(self.edge_mm, FIT_DISC * self.free_path_mm))
+
+    def _seen(self, light: Float) -> Float:
+        """Annuli from the disc to the last but one, which has an end."""
+        return np.concatenate([light[: self._disc].sum(axis=0, keepdims=True), light[self._disc : -1]])
+
     def fit_nodes(self) -> AnnulusNodes:
-        """The annuli, but for the last, which has no end."""
-        edge = self.edge_mm[:-1]
-        return AnnulusNodes(edge, self.light[0, :-1] / (np.pi * np.diff(edge**2))[:, None], self.total[0])
+        """The disc and the annuli around it."""
+        edge = np.append(0.0, self.edge_mm[self._disc : -1])
+        return AnnulusNodes(edge, self._seen(self.light[0]) / (np.pi * np.diff(edge**2))[:, None], self.total[0])
 
 
 def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: int | None = None) -> TransportProfile:
@@ -164,5 +190,5 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
         return np.sqrt(np.maximum(square - mean**2, 0) / photons)
 
     return TransportProfile(
-        edge, light, error(light, squares), total, error(total, squares.sum(axis=1)), other[0], other[1]
+        edge, light, error(light, squares), total, error(total, squares.sum(axis=1)), other[0], other[1], shortest
     )

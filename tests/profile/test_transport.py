@@ -5,6 +5,7 @@ from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
 from skinbake.profile.models import DipoleProfile
 from skinbake.profile.transport import trace_layers
+from skinbake.profile.variable_projection import Fitter
 
 Z_LIMIT = 4.0  # standard errors; the seeds are fixed, so a pass stays a pass
 
@@ -93,6 +94,14 @@ def test_diffusion_is_right_far_away():
     ratio = DipoleProfile(m, 1.3).reflectance(r)[:, 0] / out.reflectance(r)[:, 0]
     assert ratio[0] < 0.3
     assert ratio[1] == pytest.approx(0.95, abs=0.06)
+
+
+def test_a_fit_errs_by_about_the_noise():
+    """The stated noise of the profile is near the error of a fit that could do better on a smooth one, and falls."""
+    few, many = (trace_layers([layer(0.3, 1, np.inf, 1.3)], n) for n in (5_000, 80_000))
+    assert few.relative_noise[0] / many.relative_noise[0] == pytest.approx(4, rel=0.25)
+    error = Fitter(few.fit_nodes()).fit(6).error[0]
+    assert 0.4 < error / few.relative_noise[0] < 1.2
 
 
 def test_no_photons_are_refused():
