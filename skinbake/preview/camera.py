@@ -12,6 +12,7 @@ from skinbake.scene.mesh import SkinMesh
 
 PORTRAIT_YFOV_DEG = float(np.degrees(2 * np.arctan(18 / 85)))  # 85 mm lens on 36 mm tall film
 HEAD_DIAGONAL_MM = 350.0
+MARGIN = 1.08  # about the head, as a share of its size
 
 # Azimuth towards the head's own left, elevation, in degrees; +z is where the face looks, +y up
 ANGLES = {
@@ -127,6 +128,17 @@ def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
     return Camera(target, distance, azimuth, elevation)
 
 
+def turntable(mesh: SkinMesh, name: str, aspect: float, frames: int) -> list[Camera]:
+    """Cameras once around the head from a named view, all at the distance from which the widest frame still fits."""
+    camera = view(mesh, name, aspect)
+    if name in ANGLES:
+        positions = _head(mesh.positions_mm[np.unique(mesh.faces)])
+        camera = replace(camera, target_mm=(positions.min(0) + positions.max(0)) / 2)
+        away = [_distance(positions, camera.turned(360 * k / frames), aspect) for k in range(frames)]
+        camera = replace(camera, distance_mm=max(away))
+    return [camera.turned(360 * k / frames) for k in range(frames)]
+
+
 def _head(positions: Float) -> Float:
     """Head and neck of a bust: shoulders would make the face small."""
     low, high = positions.min(0), positions.max(0)
@@ -137,16 +149,19 @@ def _head(positions: Float) -> Float:
     return positions[(positions[:, 1] > high[1] - 290) & (away < 135)]
 
 
-def _fitted(positions: Float, camera: Camera, aspect: float, margin: float = 1.08) -> Camera:
+def _fitted(positions: Float, camera: Camera, aspect: float) -> Camera:
     """The nearest distance from which every point is in the frame, centred on what is seen."""
     axes = camera.pose[:3, :3]
     seen = (positions - camera.target_mm) @ axes  # right, up, towards the camera
     centre = (seen.min(0) + seen.max(0)) / 2
-    seen[:, :2] -= centre[:2]
-    slope = np.tan(np.radians(camera.yfov_deg) / 2) / margin
+    camera = replace(camera, target_mm=camera.target_mm + axes[:, :2] @ centre[:2])
+    return replace(camera, distance_mm=_distance(positions, camera, aspect))
+
+
+def _distance(positions: Float, camera: Camera, aspect: float) -> float:
+    """From where every point is in the frame, the target staying in its middle."""
+    seen = (positions - camera.target_mm) @ camera.pose[:3, :3]
+    slope = np.tan(np.radians(camera.yfov_deg) / 2) / MARGIN
     reach = np.maximum(np.abs(seen[:, 1]), np.abs(seen[:, 0]) / aspect) / slope
-    distance = float((reach + seen[:, 2]).max())
     size = float(np.ptp(positions, axis=0).max())
-    return replace(
-        camera, target_mm=camera.target_mm + axes[:, :2] @ centre[:2], distance_mm=max(distance, size * 1e-3, 1e-3)
-    )
+    return max(float((reach + seen[:, 2]).max()), size * 1e-3, 1e-3)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.preview.camera import Camera, view
+from skinbake.preview.camera import Camera, turntable, view
 from skinbake.preview.draw import PreviewImage
 from skinbake.preview.tonemap import tonemap
 from skinbake.scene.mesh import SkinMesh
@@ -22,21 +22,16 @@ class Shot:
     camera: Camera
 
 
-def plan_shots(mesh: SkinMesh, views: Sequence[str], turntable: int | None, aspect: float) -> list[Shot]:
-    """One shot a view, or `turntable` of them once around the head from each view.
-
-    A turntable keeps the distance at which the widest of its frames still fits.
-    """
-    shots = []
-    for name in views:
-        camera = view(mesh, name, aspect)
-        if not turntable:
-            shots.append(Shot(name, camera))
-            continue
-        turned = [camera.turned(360 * k / turntable) for k in range(turntable)]
-        prefix = f"{name}_" if len(views) > 1 else ""
-        shots += [Shot(f"{prefix}{k:04d}", frame) for k, frame in enumerate(turned)]
-    return shots
+def plan_shots(mesh: SkinMesh, views: Sequence[str], frames: int | None, aspect: float) -> list[Shot]:
+    """One shot a view, or `frames` of them once around the head from each view."""
+    if not frames:
+        return [Shot(name, view(mesh, name, aspect)) for name in views]
+    prefix = "{}_" if len(views) > 1 else ""
+    return [
+        Shot(f"{prefix.format(name)}{k:04d}", camera)
+        for name in views
+        for k, camera in enumerate(turntable(mesh, name, aspect, frames))
+    ]
 
 
 def side_by_side(frames: Sequence[PreviewImage]) -> PreviewImage:

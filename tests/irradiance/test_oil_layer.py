@@ -45,7 +45,7 @@ def test_fresnel_equals_the_reference():
 
 @pytest.mark.parametrize("m", [0.05, 0.3, 1.0])
 def test_beckmann_integrates_to_pi_against_the_cosine(m):
-    x, w = np.polynomial.legendre.leggauss(4000)
+    x, w = np.polynomial.legendre.leggauss(500)
     theta, w = (x + 1) * np.pi / 4, w * np.pi / 4
     integral = (2 * np.pi * w * beckmann(np.cos(theta), m) * np.cos(theta) * np.sin(theta)).sum()
     assert integral == pytest.approx(np.pi, rel=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skinbake.errors import InputError
-from skinbake.preview.camera import ANGLES, VIEWS, Camera, view
+from skinbake.preview.camera import ANGLES, VIEWS, Camera, turntable, view
 from skinbake.scene.mesh import SkinMesh
 from tests.shapes import joined, quad, sphere
 
@@ -24,6 +24,18 @@ def test_whole_views_hold_every_vertex_and_fill_the_frame(name, aspect):
     frame = projected(mesh, view(mesh, name, aspect), aspect)
     assert np.abs(frame).max() <= 1.0
     assert np.abs(frame).max() > 0.8
+
+
+@pytest.mark.parametrize("aspect", [0.6, 1.7])
+def test_a_turntable_holds_a_long_head_in_every_frame_at_one_distance(aspect):
+    ball = sphere(90.0)
+    head = SkinMesh(ball.positions_mm * [0.8, 1.2, 1.1] + [3, 9, 20], ball.faces, ball.corner_uv, ball.corner_normal)
+    cameras = turntable(head, "three-quarter", aspect, 7)
+    frames = [np.abs(projected(head, camera, aspect)).max() for camera in cameras]
+    assert max(frames) <= 1.0
+    assert max(frames) > 0.85
+    assert len({camera.distance_mm for camera in cameras}) == 1
+    assert len({camera.azimuth_deg for camera in cameras}) == 7
 
 
 def test_left_is_the_heads_own_left_and_front_its_face():

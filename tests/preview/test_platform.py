@@ -1,0 +1,38 @@
+"""Without a display EGL is chosen, then OSMesa, and where neither is installed the message says what to install."""
+
+import ctypes.util
+import sys
+
+import pytest
+
+from skinbake.errors import MachineError
+from skinbake.preview.platform import choose_headless
+
+linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="EGL and OSMesa are Linux's")
+
+
+@linux
+@pytest.mark.parametrize(
+    ("installed", "chosen"), [({"EGL", "OSMesa"}, "egl"), ({"EGL"}, "egl"), ({"OSMesa"}, "osmesa")], ids=str
+)
+def test_what_is_installed_is_chosen(monkeypatch, installed, chosen):
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
+    monkeypatch.delenv("PYOPENGL_PLATFORM")
+    monkeypatch.setattr(ctypes.util, "find_library", lambda name: name if name in installed else None)
+    assert choose_headless() == chosen
+
+
+@linux
+def test_nothing_installed_says_what_to_install(monkeypatch):
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
+    monkeypatch.delenv("PYOPENGL_PLATFORM")
+    monkeypatch.setattr(ctypes.util, "find_library", lambda name: None)
+    with pytest.raises(MachineError, match="apt install libegl1") as fault:
+        choose_headless()
+    assert fault.value.exit_code == 3
+
+
+@linux
+def test_a_users_own_choice_stays(monkeypatch):
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "osmesa")
+    assert choose_headless() == "osmesa"
