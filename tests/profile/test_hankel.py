@@ -27,11 +27,11 @@ def test_beyond_underflow_is_zero():
 
 def test_layers_come_back_with_their_light(three_layer_skin):
     """2 pi int r R dr of three layers is their total, and R is nowhere negative."""
-    r = np.geomspace(1e-4, 300, 1200)
+    r = np.geomspace(1e-4, 300, 600)
     values = three_layer_skin.reflectance(r)
     assert (values >= 0).all()
     total = 2 * np.pi * np.trapezoid(values * r[:, None] ** 2, np.log(r), axis=0)
-    np.testing.assert_allclose(total, three_layer_skin.total_reflectance, rtol=2e-5)
+    np.testing.assert_allclose(total, three_layer_skin.total_reflectance, rtol=1e-4)
 
 
 def test_vectors(agrees, three_layers):

@@ -28,14 +28,14 @@ PROFILES = [
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda p: type(p).__name__)
 def test_profile_integrates_to_its_total(profile):
     """2 pi int r R dr equals the total that the model states, in every channel; so it does for T less its delta."""
-    r = np.geomspace(1e-6, 400, 1500)
+    r = np.geomspace(1e-6, 400, 700)
 
     def integral(values):
         return 2 * np.pi * np.trapezoid(values * r[:, None] ** 2, np.log(r), axis=0)
 
-    np.testing.assert_allclose(integral(profile.reflectance(r)), profile.total_reflectance, rtol=2e-5)
+    np.testing.assert_allclose(integral(profile.reflectance(r)), profile.total_reflectance, rtol=1e-4)
     through = profile.total_transmittance - profile.sharp_transmittance
-    np.testing.assert_allclose(integral(profile.transmittance(r)), through, rtol=2e-4, atol=1e-12)
+    np.testing.assert_allclose(integral(profile.transmittance(r)), through, rtol=1e-3, atol=1e-12)
 
 
 def test_thick_layer_is_a_dipole():
