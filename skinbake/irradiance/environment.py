@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.atlas import shrink
+from skinbake.atlas import AtlasRaster, shrink
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import albedo_at
 from skinbake.irradiance.refine import refine
@@ -21,6 +21,7 @@ Image = NDArray[np.float32]
 DEFAULT_SAMPLES = 256
 NORMALS = 96  # octahedral table of unshadowed irradiance: 96 x 96 normals, read bilinearly
 SKY = (64, 128)  # to which a map is averaged for that table: the cosine is smooth
+LATTICE_MM = 2.0  # between the first texels traced: ambient light varies over what shades it, not over texels
 VARIATION = 0.05  # of the visible share, above which texels between lattice points are traced
 CHUNK = 1 << 20
 
@@ -67,21 +68,28 @@ def light_environment(
         step = max(1, CHUNK // len(directions))
         for start in range(0, len(texels), step):
             part = texels[start : start + step]
-            texel, sample = np.nonzero(normal[part] @ directions.T > 0)
-            clear = np.ones(len(texel), np.bool_)
+            bounds, sample = _above(normal[part], directions)
+            clear = np.ones(len(sample), np.bool_)
             if casts:
-                clear = ~occluder.occluded(
-                    origin[part][texel], directions[sample], np.full(len(texel), np.inf, np.float32)
-                )
-            bounds = np.searchsorted(texel, np.arange(len(part) + 1))
+                starts, rays = np.empty((len(sample), 3), np.float32), np.empty((len(sample), 3), np.float32)
+                _aim(bounds, sample, origin[part], directions, starts, rays)
+                clear = ~occluder.occluded(starts, rays, np.full(len(sample), np.inf, np.float32))
             _shares(
                 bounds, sample, clear, normal[part], directions, weights, roughness[part], strength[part], table, f0,
                 out[start : start + step],
             )  # fmt: skip
         return out
 
-    share = refine(addressed, 4, trace, VARIATION)
+    share = refine(addressed, surface.smooth_normal, 4, trace, VARIATION, lattice(surface.raster))
     return irradiance * share[..., :3], np.ascontiguousarray(share[..., 3])
+
+
+def lattice(raster: AtlasRaster) -> int:
+    """Texels, a power of two up to 32, that span `LATTICE_MM` on average: finer textures do not ask for more rays."""
+    texels, area = raster.coverage.sum(dtype=np.float64), raster.area_mm2.sum(dtype=np.float64)
+    if texels == 0 or area == 0:
+        return 1
+    return int(2 ** np.clip(np.floor(np.log2(LATTICE_MM / np.sqrt(area / texels))), 0, 5))
 
 
 def direction_of(u: Float, v: Float, rotate_deg: float = 0.0) -> Float:
@@ -156,6 +164,38 @@ def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
 
 
 @njit(cache=True, parallel=True)
+def _above(normal: Image, directions: Image) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Directions above each texel's horizon, as compressed lists."""
+    count = np.zeros(len(normal) + 1, dtype=np.int64)
+    for i in prange(len(normal)):
+        for s in range(len(directions)):
+            c = normal[i, 0] * directions[s, 0] + normal[i, 1] * directions[s, 1] + normal[i, 2] * directions[s, 2]
+            if c > 0.0:
+                count[i + 1] += 1
+    bounds = np.cumsum(count)
+    sample = np.empty(bounds[-1], dtype=np.int32)
+    for i in prange(len(normal)):
+        k = bounds[i]
+        for s in range(len(directions)):
+            c = normal[i, 0] * directions[s, 0] + normal[i, 1] * directions[s, 1] + normal[i, 2] * directions[s, 2]
+            if c > 0.0:
+                sample[k] = s
+                k += 1
+    return bounds, sample
+
+
+@njit(cache=True, parallel=True)
+def _aim(
+    bounds: NDArray[np.int64], sample: NDArray[np.int32], origin: Image, directions: Image, starts: Image, rays: Image
+) -> None:
+    for i in prange(len(origin)):
+        for k in range(bounds[i], bounds[i + 1]):
+            for axis in range(3):
+                starts[k, axis] = origin[i, axis]
+                rays[k, axis] = directions[sample[k], axis]
+
+
+@njit(cache=True, parallel=True)
 def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float:
     """Sum of flux times clamped cosine, scaled so that constant radiance gives exactly pi."""
     out = np.zeros((len(normal), 3))
@@ -202,7 +242,7 @@ def _look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Ima
 @njit(cache=True, parallel=True)
 def _shares(
     bounds: NDArray[np.int64],
-    sample: NDArray[np.int64],
+    sample: NDArray[np.int32],
     clear: NDArray[np.bool_],
     normal: Image,
     directions: Image,

@@ -82,7 +82,7 @@ def light_rectangle(
         return out
 
     if casts or table.size:
-        share = refine(facing, 2, trace, tolerance=0.0 if not table.size else 0.02)
+        share = refine(facing, surface.smooth_normal, 2, trace, tolerance=0.02 if table.size else 0.0, coarsest=4)
         return arriving * share[..., 0], share[..., 1]
     return arriving, facing.astype(np.float32)
 

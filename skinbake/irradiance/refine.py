@@ -9,15 +9,21 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 Image = NDArray[np.float32]
-COARSEST = 4  # texels between the first lattice's points
+TURN_COSINE = 0.94  # 20 degrees: a crease may lie between lattice points that agree, but its normals give it away
 
 
 def refine(
-    wanted: NDArray[np.bool_], channels: int, trace: Callable[[NDArray[np.int64]], Image], tolerance: float
+    wanted: NDArray[np.bool_],
+    normal: Image,
+    channels: int,
+    trace: Callable[[NDArray[np.int64]], Image],
+    tolerance: float,
+    coarsest: int,
 ) -> Image:
-    """Trace every fourth texel, then those between whose neighbours on the lattice differ by more than `tolerance`.
+    """Trace a lattice of texels, then, level by level, those between that cannot be interpolated from it.
 
-    The rest is interpolated bilinearly, so that it lies between values which differ by at most `tolerance`.
+    A texel is interpolated, bilinearly, where its four neighbours on the lattice differ by at most `tolerance` and its
+    normal is within 20 degrees of theirs; so its value lies between values which differ by at most `tolerance`.
 
     Parameters
     ----------
@@ -26,8 +32,12 @@ def refine(
     channels : int
     trace : callable
         From texels (row * W + col) to values of shape (n, channels).
+    normal : ndarray of shape (H, W, 3)
+        Unit, smooth.
     tolerance : float
         0: interpolate only between equal values.
+    coarsest : int
+        Texels between the points of the first lattice, a power of two.
 
     Returns
     -------
@@ -36,22 +46,20 @@ def refine(
     """
     height, width = wanted.shape
     values = np.zeros((height, width, channels), np.float32)
-    known = np.zeros((height, width), np.bool_)
-    stride = COARSEST
+    stride = coarsest
     rows, cols = np.nonzero(wanted[::stride, ::stride])
     texels = stride * rows * width + stride * cols
     while True:
         values.reshape(-1, channels)[texels] = trace(texels)
-        known.reshape(-1)[texels] = True
         if stride == 1:
             return values
         stride //= 2
-        texels = np.flatnonzero(_between(wanted, values, known, stride, tolerance))
+        texels = np.flatnonzero(_between(wanted, normal, values, stride, tolerance))
 
 
 @njit(cache=True, parallel=True)
 def _between(
-    wanted: NDArray[np.bool_], values: Image, known: NDArray[np.bool_], stride: int, tolerance: float
+    wanted: NDArray[np.bool_], normal: Image, values: Image, stride: int, tolerance: float
 ) -> NDArray[np.bool_]:
     """Texels of the lattice of `stride` to trace; the others are interpolated from the lattice twice as wide."""
     height, width = wanted.shape
@@ -71,9 +79,14 @@ def _between(
             if not (wanted[r0, c0] and wanted[r0, c1] and wanted[r1, c0] and wanted[r1, c1]):
                 to_trace[row, col] = True
                 continue
+            nx, ny, nz = normal[row, col, 0], normal[row, col, 1], normal[row, col, 2]
+            for r in (r0, r1):
+                for c in (c0, c1):
+                    if nx * normal[r, c, 0] + ny * normal[r, c, 1] + nz * normal[r, c, 2] < TURN_COSINE:
+                        to_trace[row, col] = True
             for k in range(channels):
-                a, b, c, d = values[r0, c0, k], values[r0, c1, k], values[r1, c0, k], values[r1, c1, k]
-                if max(a, b, c, d) - min(a, b, c, d) > tolerance:
+                p, q, s, t = values[r0, c0, k], values[r0, c1, k], values[r1, c0, k], values[r1, c1, k]
+                if max(p, q, s, t) - min(p, q, s, t) > tolerance:
                     to_trace[row, col] = True
             if not to_trace[row, col]:
                 for k in range(channels):
