@@ -1,0 +1,99 @@
+"""`skinbake check` says what a bake would meet, and refuses what would spoil it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from skinbake.cli import run
+from skinbake.io.mesh import write_obj
+from tests.shapes import quad, sphere
+
+LOOK = """
+mesh: {{path: {mesh}, unit: mm}}
+texture: {{size: [96, 64]}}
+skin: {{model: gaussians, variance_mm2: [0.05, 2.0], weight_rgb: [[0.5, 0.5, 0.5], [0.5, 0.5, 0.5]]}}
+lights: [{{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}}]
+output: {{dir: {out}}}
+"""
+
+
+def look(folder, mesh):
+    write_obj(folder / "mesh.obj", mesh)
+    path = folder / "look.yaml"
+    path.write_text(LOOK.format(mesh=folder / "mesh.obj", out=folder / "out"))
+    return str(path)
+
+
+def test_the_report_of_a_quad_is_what_geometry_says(tmp_path, capsys):
+    """A 240 x 120 mm quad at 96 x 64: texels of 2.5 x 1.875 mm, fully covered, sigmas in texels, nothing written."""
+    assert run(["check", look(tmp_path, quad(240.0, 120.0, columns=4, rows=4)), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["mesh"]["extent_mm"] == [240, 120, 0]
+    assert report["mesh"]["triangles"] == 32
+    assert report["uv"]["coverage"] == pytest.approx(1)
+    texel = np.sqrt(2.5 * 1.875)
+    np.testing.assert_allclose(report["uv"]["mm_per_texel_5_50_95"], [texel] * 3, rtol=1e-3)
+    # Stretch is of UV, not of texels: 240 mm by 120 mm over a unit square
+    assert report["uv"]["stretch_95"] == pytest.approx(2, rel=1e-3)
+    sigmas = [lobe["sigma_texels"] for lobe in report["lobes"]]
+    np.testing.assert_allclose(sigmas, np.sqrt([0.05, 2.0]) / texel, rtol=1e-2)
+    assert report["faults"] == []
+    assert set(report["expected"]) == {"memory_mib", "seconds", "irradiance_mib", "lobes_mib"}
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_text_names_all_of_it(tmp_path, capsys):
+    """Without --json: a line for mesh, texture, texels, charts, lobes and cost."""
+    assert run(["check", look(tmp_path, sphere(100.0, "cube", 16))]) == 0
+    out = capsys.readouterr().out
+    assert [line.split()[0] for line in out.splitlines()] == ["mesh", "texture", "texel", "charts", "lobes", "expected"]
+
+
+def test_overlaps_spoil_a_bake_and_are_pictured(tmp_path, capsys):
+    """Two charts on one place: exit 2, both counted, red in the picture."""
+    from skinbake.io.image import read_map
+    from tests.shapes import joined
+
+    stacked = joined(quad(240, 200, uv_box=(0, 0, 0.5, 1)), quad(240, 200, 30, uv_box=(0.25, 0, 0.75, 1)))
+    assert run(["check", look(tmp_path, stacked), "--out", str(tmp_path / "report")]) == 2
+    message = capsys.readouterr().err
+    assert "share texels with others" in message
+    picture = read_map(tmp_path / "report" / "uv_check.png", 3, "linear")
+    assert picture.shape == (64, 96, 3)
+    red = (picture[..., 0] > 0.8) & (picture[..., 1] < 0.2)
+    assert red[:, 25:47].mean() > 0.95
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda m: type(m)(m.positions_mm, m.faces, m.corner_uv + 1.5, m.corner_normal), "set texture.udim: true"),
+        (lambda m: type(m)(m.positions_mm, m.faces, m.corner_uv * [0, 1], m.corner_normal), "have no UV area"),
+        (
+            lambda m: type(m)(m.positions_mm, m.faces[:, ::-1].copy(), m.corner_uv[:, ::-1], -m.corner_normal[:, ::-1]),
+            "face inwards",
+        ),
+    ],
+)
+def test_what_would_spoil_a_bake_is_refused(tmp_path, capsys, spoil, message):
+    """Charts outside the texture, without area, and a mesh turned inside out: exit 2 with the remedy."""
+    assert run(["check", look(tmp_path, spoil(sphere(100.0, "cube", 16)))]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_flipped_triangles_are_only_reported(tmp_path, capsys):
+    """A mirrored chart is counted but does not spoil the bake."""
+    from tests.shapes import joined
+
+    right = quad(120, 200, uv_box=(0, 0, 0.6, 1))
+    left = quad(100, 200, 40, uv_box=(0.7, 0, 1, 1))
+    uv = left.corner_uv.copy()
+    uv[..., 0] = 1.7 - uv[..., 0]
+    mesh = joined(right, type(left)(left.positions_mm, left.faces, uv, left.corner_normal))
+    assert run(["check", look(tmp_path, mesh), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["uv"]["flipped"] == 2
+    assert report["uv"]["overlapping"] == 0
