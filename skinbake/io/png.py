@@ -24,7 +24,7 @@ def write_png(path: Path | str, rgb: NDArray[np.uint8]) -> None:
     InputError
         The name ends in something else, or the folder cannot be written to.
     """
-    import OpenImageIO as oiio  # noqa: TID251  (io.image reads through it; pictures are written here)
+    import OpenImageIO as oiio
 
     if Path(path).suffix.lower() != ".png":
         raise InputError(f"{path}: expected a name that ends in .png")

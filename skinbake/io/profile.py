@@ -93,8 +93,14 @@ def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
         record = json.loads(Path(path).read_text(encoding="utf-8"))
         if record["key"] != key:
             return None
-        arrays = [np.array(record[k]) for k in ("variance_mm2", "weight_rgb", "relative_error_rgb", "energy_rgb")]
-        return GaussianSum(*arrays, record["model"], record["normalise"])
+        return GaussianSum(
+            np.array(record["variance_mm2"]),
+            np.array(record["weight_rgb"]),
+            np.array(record["relative_error_rgb"]),
+            np.array(record["energy_rgb"]),
+            record["model"],
+            record["normalise"],
+        )
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

@@ -1,7 +1,5 @@
 """Choose how OpenGL is reached, before pyrender (and with it PyOpenGL) is imported for the first time."""
 
-# ruff: noqa: TID251  (pyrender: this is the module that chooses for it)
-
 from __future__ import annotations
 
 import ctypes.util

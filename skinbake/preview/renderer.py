@@ -5,8 +5,6 @@ Replaced by overriding are the three places where it would lose the light: float
 frame buffer (8 bit), and the shader.
 """
 
-# ruff: noqa: TID251  (pyrender: preview.draw imports this module once the platform is chosen)
-
 from __future__ import annotations
 
 from collections.abc import Mapping
