@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, AtlasRaster, rasterize, sample_map
 from skinbake.diffuse import DiffuseMap, diffuse
 from skinbake.diffuse.diffuse_map import PlanLine
+from skinbake.diffuse.remember import Remember
 from skinbake.diffuse.transmission import transmit
 from skinbake.irradiance import IrradianceMap, light_texels
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
@@ -86,6 +87,7 @@ def scatter(
     irradiance: tuple[IrradianceMap, ...],
     gaussians: GaussianSum,
     say: Say | None = None,
+    remember: Remember | None = None,
 ) -> DiffuseMap:
     """Lobes of irradiance times albedo^x, x = 1 for pre-scatter texturing, and light through thin parts."""
     exponent = np.float32(spec.texturing.exponent_before)
@@ -100,6 +102,7 @@ def scatter(
         seed=spec.output.seed,
         precision=spec.output.precision,
         progress=say,
+        remember=remember,
     )
     area = [raster.area_mm2[..., None] for raster in atlas]
     mean = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True)) / sum(

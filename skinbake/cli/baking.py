@@ -3,23 +3,39 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import skinbake
 from skinbake import pipeline
+from skinbake.cli.keys import preview_key
 from skinbake.cli.stages import Stages, peak_memory_mib
+from skinbake.cli.workshop import Workshop
 from skinbake.diffuse import DiffuseMap
-from skinbake.errors import ToleranceMissedError
+from skinbake.errors import InputError, ToleranceMissedError
+from skinbake.io.atomic import write_text
+from skinbake.io.fingerprint import sha256_of
 from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name
-from skinbake.io.manifest import portable_config, write_manifest
+from skinbake.io.manifest import portable_config, read_manifest, write_manifest
 from skinbake.profile import GaussianSum
 from skinbake.scene.spec import SceneSpec
 
+PREVIEW, PREVIEW_KEY = "preview.png", ".preview"
 
-def bake_look(spec: SceneSpec, force: bool = False, preview: bool = True, verbosity: int = 1) -> dict[str, Any]:
+
+def bake_look(
+    spec: SceneSpec,
+    force: bool = False,
+    preview: bool = True,
+    verbosity: int = 1,
+    workshop: Workshop | None = None,
+) -> dict[str, Any]:
     """Bake a look into `spec.output.dir` and give its manifest.
+
+    One process at a time writes to the folder; what one that was killed has left there is used, and its litter removed.
 
     Raises
     ------
@@ -27,24 +43,54 @@ def bake_look(spec: SceneSpec, force: bool = False, preview: bool = True, verbos
         Everything is written, but the measured error is above `diffusion.tolerance`.
     """
     start = time.perf_counter()
-    stages = Stages(spec, force, verbosity)
+    stages = Stages(spec, force, verbosity, workshop)
     stages.say(f"baking into {stages.out}")
-    gaussians = stages.profile()
-    irradiance = stages.irradiance()
-    result = stages.diffuse(gaussians, irradiance, stages.light_keys)
-    manifest = manifest_of(stages, gaussians, result, tuple(light.name for light in spec.lights))
-    manifest["timings"]["total"] = time.perf_counter() - start
-    write_manifest(stages.out, manifest)
-    report(stages, result)
-    if preview:
-        from skinbake.cli.preview import render_still
-
-        with stages.timed("preview"):
-            render_still(stages.out)
+    with stages.locked():
+        gaussians = stages.profile()
+        irradiance = stages.irradiance()
+        result = stages.diffuse(gaussians, irradiance, stages.light_keys)
+        textures = stages.textures(irradiance, result) if spec.output.tx else []
+        manifest = manifest_of(stages, gaussians, result, tuple(light.name for light in spec.lights))
+        manifest["tx"] = [path.name for path in textures]
+        manifest["timings"]["total"] = time.perf_counter() - start
+        put_manifest(stages, manifest)
+        report(stages, result)
+        if preview:
+            _draw(stages, stages.diffuse_key(gaussians, stages.light_keys))
     stages.say(f"done in {time.perf_counter() - start:.2f} s: {stages.out}")
     if not result.tolerance_met:
         raise ToleranceMissedError(f"{stages.out}: tolerance {spec.diffusion.tolerance:g} missed: {result.advice}")
     return manifest
+
+
+def put_manifest(stages: Stages, manifest: dict[str, Any]) -> None:
+    """Write bake.json; a stage that was taken as it was keeps the time that it took when it was run."""
+    with suppress(InputError):
+        before = read_manifest(stages.out)["timings"]
+        manifest["timings"] |= {stage: before[stage] for stage in manifest["reused"] if stage in before}
+    write_manifest(stages.out, manifest)
+
+
+def _draw(stages: Stages, lobes: str) -> None:
+    """preview.png, unless it shows what is in the folder."""
+    key = preview_key(stages.spec, stages.inputs, lobes)
+    picture, note = stages.out / PREVIEW, stages.out / PREVIEW_KEY
+    current = not stages.force and preview_is_current(stages.out, key)
+    with stages.timed("preview", reused=current):
+        if not current:
+            from skinbake.cli.preview import render_still
+
+            note.unlink(missing_ok=True)
+            render_still(stages.out)
+            write_text(note, f"{key} {sha256_of(picture)}\n")
+
+
+def preview_is_current(folder: Path, key: str) -> bool:
+    """Whether preview.png is the one that was drawn under `key`, and nobody has drawn another since."""
+    try:
+        return (folder / PREVIEW_KEY).read_text(encoding="utf-8").split() == [key, sha256_of(folder / PREVIEW)]
+    except (OSError, InputError):
+        return False
 
 
 def manifest_of(stages: Stages, gaussians: GaussianSum, result: DiffuseMap, lights: tuple[str, ...]) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from skinbake.errors import SkinbakeError
+
 Listen = Callable[[str, Any], None]  # job's name, event
 Work = Callable[[Any, Callable[[Any], None]], dict[str, Any]]  # payload, tell -> result
 SAMPLE_S = 0.1
@@ -93,7 +95,7 @@ class Crew:
             self.listen(name, value)
             return
         worker.name = ""
-        if kind == "died" and worker.tries > 0:
+        if kind in ("died", "raised") and worker.tries > 0:
             todo.insert(0, (name, worker.tries - 1))
             self.listen(name, {"event": "again", "why": value})
             return
@@ -147,10 +149,12 @@ def _serve(pipe: Connection) -> None:
         except (EOFError, OSError):
             return
         try:
-            result = work(payload, lambda event: pipe.send(("event", event)))
+            answer: Any = "result", work(payload, lambda event: pipe.send(("event", event)))
+        except SkinbakeError as error:
+            answer = "raised", str(error)
         except Exception as error:  # the other jobs go on, whatever this one met
-            result = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
-        pipe.send(("result", result))
+            answer = "raised", f"{type(error).__name__}: {error}"
+        pipe.send(answer)
 
 
 def _end_with_parent() -> None:

@@ -23,21 +23,21 @@ def command(
     """
     from pathlib import Path
 
-    from skinbake.cli.baking import manifest_of, report
+    from skinbake.cli.baking import manifest_of, put_manifest, report
     from skinbake.cli.stages import Stages
     from skinbake.errors import ToleranceMissedError
     from skinbake.io.config import load_look
     from skinbake.io.fingerprint import sha256_of
     from skinbake.io.irradiance import read_irradiance, tile_path
-    from skinbake.io.manifest import write_manifest
 
     spec = load_look(config, overrides, out)
     stages = Stages(spec, force, verbosity)
     paths = {tile: tile_path(Path(irradiance), tile, spec.texture.udim) for tile in stages.tiles}
     maps = tuple(read_irradiance(path, tile, spec.texture.size) for tile, path in paths.items())
-    gaussians = stages.profile()
-    result = stages.diffuse(gaussians, maps, [sha256_of(path) for path in paths.values()])
-    write_manifest(stages.out, manifest_of(stages, gaussians, result, maps[0].lights))
+    with stages.locked():
+        gaussians = stages.profile()
+        result = stages.diffuse(gaussians, maps, [sha256_of(path) for path in paths.values()])
+        put_manifest(stages, manifest_of(stages, gaussians, result, maps[0].lights))
     report(stages, result)
     if not result.tolerance_met:
         raise ToleranceMissedError(f"{stages.out}: tolerance {spec.diffusion.tolerance:g} missed: {result.advice}")

@@ -1,37 +1,111 @@
-"""`skinbake info FILE|FOLDER`: where it came from."""
+"""`skinbake info FILE|FOLDER`: where it came from, and whether that is still there."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from skinbake.cli.options import json_option
 
+if TYPE_CHECKING:
+    from skinbake.scene.spec import SceneSpec
+
 
 @click.command("info")
 @click.argument("path", type=click.Path())
+@click.option("--make", "as_rule", is_flag=True, help="As a rule for make: what the bake in this folder depends on.")
 @json_option
-def command(path: str, as_json: bool) -> None:
-    """Show version, inputs, lobes, error and plan of a bake folder, or the header of one EXR."""
+def command(path: str, as_rule: bool, as_json: bool) -> None:
+    """Show version, inputs, lobes, error and plan of a bake folder, the looks of a batch, or the header of one file."""
     from skinbake.io.exr import read_attributes
-    from skinbake.io.manifest import read_manifest
+    from skinbake.io.manifest import NAME, read_manifest, spec_of
 
-    found = read_manifest(path) if Path(path).is_dir() else read_attributes(path)
-    if as_json:
-        print(json.dumps(found, indent=1, default=str))
+    file = Path(path)
+    folder = file.parent if file.name == NAME else file
+    if (folder / "batch.json").is_file() and not (folder / NAME).is_file():
+        batch = json.loads((folder / "batch.json").read_text(encoding="utf-8"))
+        print(json.dumps(batch, indent=1) if as_json else "\n".join(_batch(batch)))
         return
-    for name, value in found.items():
-        if isinstance(value, dict):
-            print(name)
-            for key, inner in value.items():
-                print(f"  {key:<24} {inner}")
-        elif isinstance(value, list):
-            print(name)
-            for inner in value:
-                print(
-                    "  " + (", ".join(f"{k} {v}" for k, v in inner.items()) if isinstance(inner, dict) else str(inner))
-                )
-        else:
-            print(f"{name:<26} {value}")
+    if not folder.is_dir():
+        headers = read_attributes(file)
+        print(json.dumps(headers, indent=1, default=str) if as_json else "\n".join(_headers(headers)))
+        return
+    manifest = read_manifest(folder)
+    spec = spec_of(manifest, folder)
+    if as_rule:
+        print(_rule(folder, spec))
+        return
+    inputs = input_states(manifest, spec)
+    if as_json:
+        print(json.dumps(manifest | {"input_states": inputs}, indent=1, default=str))
+    else:
+        print("\n".join(_bake(manifest, inputs)))
+
+
+def input_states(manifest: dict[str, Any], spec: SceneSpec) -> dict[str, dict[str, str]]:
+    """Path of each input by role, and whether it is `as baked`, `changed` or `missing` now."""
+    from skinbake.errors import InputError
+    from skinbake.io.fingerprint import digest_of, input_files
+
+    states = {}
+    for role, recorded in manifest["inputs"].items():
+        try:
+            paths = input_files(spec)[role]
+            now = digest_of(paths)
+            state = "as baked" if now == recorded else "changed"
+        except (InputError, KeyError):
+            paths, state = (), "missing"
+        states[role] = {"path": ", ".join(map(str, paths)), "state": state, "sha256": recorded}
+    return states
+
+
+def _bake(manifest: dict[str, Any], inputs: dict[str, dict[str, str]]) -> list[str]:
+    lines = [f"skinbake {manifest['version']}, lights {', '.join(manifest['lights'])}", "inputs"]
+    lines += [f"  {role:<12} {i['state']:<9} {i['sha256'][:12]}  {i['path']}" for role, i in inputs.items()]
+    lines.append("lobes")
+    for lobe in manifest["lobes"]:
+        weight = ", ".join(f"{w:.4g}" for w in lobe["weight_rgb"])
+        size = "x".join(map(str, lobe["size"]))
+        variance = lobe["variance_mm2"]
+        lines.append(f"  {lobe['file']:<18} {variance:>9.4g} mm^2  {lobe['method']:<9} {size:<10} weights {weight}")
+    lines.append("plan")
+    lines += [f"  {'+' if line['kept'] else '-'} {line['term']:<20} {line['why']}" for line in manifest["plan"]]
+    error = manifest["error"]
+    if error:
+        lines.append(
+            f"error    rms {error['rms']:.3%}, p95 {error['p95']:.3%}, max {error['max']:.3%}, "
+            f"{error['probes']} probes (method {error['method']:.3%}, storage {error['storage']:.3%}, "
+            f"fit {', '.join(f'{e:.2%}' for e in error['fit'])})"
+        )
+    times = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in manifest["timings"].items())
+    lines.append(f"seconds  {times}")
+    lines.append(f"memory   {manifest['peak_memory_mib']:.0f} MiB at most")
+    return lines
+
+
+def _batch(batch: dict[str, Any]) -> list[str]:
+    lines = [f"skinbake {batch['version']}, {len(batch['jobs'])} looks of {batch['file']}"]
+    for job in batch["jobs"]:
+        text = job.get("error") if job["status"] in ("failed", "missed") else job.get("note")
+        lines.append(f"  {job['name']:<28} {job['status']:<8} {text or ''}".rstrip())
+    return lines
+
+
+def _headers(headers: dict[str, dict[str, Any]]) -> list[str]:
+    lines = []
+    for part, header in headers.items():
+        lines.append(part or "image")
+        lines += [f"  {key:<24} {value}" for key, value in sorted(header.items())]
+    return lines
+
+
+def _rule(folder: Path, spec: SceneSpec) -> str:
+    """`bake.json irradiance.exr: inputs`; an input that has vanished is no error of make's but of the next bake's."""
+    from skinbake.io.fingerprint import input_files
+
+    paths = sorted({str(path).replace(" ", "\\ ") for files in input_files(spec).values() for path in files})
+    targets = " ".join((folder / name).as_posix() for name in ("bake.json", "irradiance.exr"))
+    return "\n".join([f"{targets}: {' '.join(paths)}", *(f"{path}:" for path in paths)])

@@ -19,5 +19,6 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], force: boo
     from skinbake.io.config import load_look
 
     stages = Stages(load_look(config, overrides, out), force, verbosity)
-    stages.irradiance()
+    with stages.locked():
+        stages.irradiance()
     print(stages.out / "irradiance.exr")

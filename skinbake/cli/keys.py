@@ -7,6 +7,8 @@ from typing import Any
 from skinbake.io.fingerprint import code_key, key_of
 from skinbake.scene.spec import SceneSpec
 
+READERS = ("io/mesh.py", "io/image.py", "io/exr.py")  # a texel may come out otherwise when these change
+
 
 def profile_key(spec: SceneSpec, inputs: dict[str, str]) -> str:
     """Of the fitted profile."""
@@ -21,7 +23,7 @@ def light_key(spec: SceneSpec, inputs: dict[str, str], name: str, energy_conserv
     if energy_conservation:
         oil = (spec.specular.model_dump(mode="json"), inputs.get("roughness"), inputs.get("specular"))
     return key_of(
-        code_key("atlas", "irradiance"),
+        code_key("atlas", "irradiance", *READERS),
         geometry(spec, inputs),
         (
             spec.maps.normal.model_dump(mode="json", exclude={"path"}) if spec.maps.normal else None,
@@ -40,15 +42,51 @@ def geometry(spec: SceneSpec, inputs: dict[str, str]) -> list[Any]:
 
 def diffuse_key(spec: SceneSpec, inputs: dict[str, str], gaussians: Any, irradiance: Any) -> str:
     """Of the lobes: `gaussians` are variances and weights, `irradiance` what identifies the light that is blurred."""
-    before = spec.texturing.exponent_before
-    albedo = (inputs.get("albedo"), spec.maps.albedo_rgb, spec.maps.albedo and spec.maps.albedo.color_space)
     return key_of(
-        code_key("atlas", "profile", "diffuse"),
+        code_key("atlas", "profile", "diffuse", *READERS),
         geometry(spec, inputs),
         gaussians,
         irradiance,
         spec.diffusion.model_dump(mode="json"),
         spec.terms.transmission,
-        (before, albedo if before else None),
+        _albedo(spec, inputs),
         (spec.output.precision, spec.output.compression, spec.output.lights, spec.output.seed),
     )
+
+
+def raster_key(spec: SceneSpec, inputs: dict[str, str]) -> str:
+    """Of the atlas."""
+    return key_of(code_key("atlas", *READERS), geometry(spec, inputs))
+
+
+def blur_key(spec: SceneSpec, inputs: dict[str, str], light: str, kind: tuple[Any, ...]) -> str:
+    """Of one light's lobe, or its values at probes: `light` is the key of its irradiance, `kind` says which and how."""
+    return key_of(
+        code_key("atlas", "diffuse", *READERS),
+        geometry(spec, inputs),
+        spec.diffusion.model_dump(mode="json", exclude={"probes"}),
+        _albedo(spec, inputs),
+        light,
+        kind,
+    )
+
+
+def preview_key(spec: SceneSpec, inputs: dict[str, str], lobes: str) -> str:
+    """Of preview.png: `lobes` is the key of what it draws."""
+    look = _without_paths(spec.model_dump(mode="json"))
+    drawing = code_key("preview", "io/bake_folder.py", "io/png.py", "cli/preview.py", *READERS)
+    return key_of(drawing, look, inputs, lobes)
+
+
+def _albedo(spec: SceneSpec, inputs: dict[str, str]) -> Any:
+    """What of the albedo is in the light that is blurred."""
+    before = spec.texturing.exponent_before
+    albedo = (inputs.get("albedo"), spec.maps.albedo_rgb, spec.maps.albedo and spec.maps.albedo.color_space)
+    return (before, albedo if before else None)
+
+
+def _without_paths(value: Any) -> Any:
+    """Where files lie makes no difference, what is in them has its own key."""
+    if isinstance(value, dict):
+        return {key: _without_paths(inner) for key, inner in value.items() if key not in ("path", "dir")}
+    return [_without_paths(inner) for inner in value] if isinstance(value, list) else value

@@ -6,29 +6,33 @@ import json
 import resource
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 
 import skinbake
 from skinbake import pipeline
 from skinbake.atlas import Atlas, tiles_of
-from skinbake.cli.keys import diffuse_key, light_key, profile_key
+from skinbake.cli.keys import blur_key, diffuse_key, light_key, profile_key, raster_key
+from skinbake.cli.shared import atlas_entry, atlas_of_entry, light_entries, merged_lights
+from skinbake.cli.workshop import Workshop
 from skinbake.diffuse import DiffuseMap
-from skinbake.io.exr import as_stored
-from skinbake.io.fingerprint import input_hashes
+from skinbake.io.fingerprint import input_hashes, key_of
 from skinbake.io.irradiance import light_keys, read_irradiance, tile_path, write_irradiance
-from skinbake.io.lobes import read_summary, write_lobes
+from skinbake.io.lobes import lobe_name, read_summary, write_lobes
+from skinbake.io.lock import folder_lock
+from skinbake.io.manifest import NAME
 from skinbake.io.profile import read_gaussians, write_fit
 from skinbake.io.scene_files import read_scene
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import GaussianSum, fit_skin
 from skinbake.scene.spec import SceneSpec
+
+FIT_FILES = ("profile.json", "profile.csv", "profile.png")  # in the order of their writing
 
 
 class Stages:
@@ -39,31 +43,54 @@ class Stages:
     reused : dict of stage name to bool
         Whether the stage's files were taken as they were.
     timings : dict of stage name to seconds
+    traced : tuple of str
+        Lights whose irradiance was computed here, neither read from the folder nor from the cache.
     """
 
-    def __init__(self, spec: SceneSpec, force: bool = False, verbosity: int = 1) -> None:
+    def __init__(
+        self, spec: SceneSpec, force: bool = False, verbosity: int = 1, workshop: Workshop | None = None
+    ) -> None:
         self.spec = spec
         self.out = Path(spec.output.dir)
         self.force = force
         self.console = Console(file=sys.stderr, quiet=verbosity == 0, highlight=False, soft_wrap=True)
         self.verbosity = verbosity
+        self.workshop = workshop or Workshop()
         self.timings: dict[str, float] = {}
+        self._inner = [0.0]  # seconds of the stages inside each one that runs
         self.reused: dict[str, bool] = {}
+        self.traced: tuple[str, ...] = ()
 
     @contextmanager
     def timed(self, stage: str, reused: bool = False) -> Iterator[None]:
-        """Take the time of a stage and say it."""
+        """Take the time of a stage, without that of stages inside it, and say it."""
+        self.workshop.hear({"event": "stage", "stage": stage})
         start = time.perf_counter()
+        self._inner.append(0.0)
         yield
-        seconds = time.perf_counter() - start
+        whole = time.perf_counter() - start
+        seconds = whole - self._inner.pop()
+        self._inner[-1] += whole
         self.timings[stage] = self.timings.get(stage, 0.0) + seconds
         self.reused[stage] = reused
+        self.workshop.hear({"event": "stage end", "stage": stage, "seconds": seconds, "reused": reused})
         self.say(f"  {stage:<12}" + ("as it was" if reused else f"{seconds:6.2f} s"))
 
     def say(self, text: str, level: int = 1) -> None:
         """Tell the person at the terminal, on stderr."""
         if self.verbosity >= level:
             self.console.print(text, markup=False)
+
+    def locked(self) -> AbstractContextManager[None]:
+        """Hold the folder while stages run."""
+        return folder_lock(self.out, self.say)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Time of writing. The manifest goes first and comes last: a folder that has one is whole."""
+        with self.timed("write"):
+            (self.out / NAME).unlink(missing_ok=True)
+            yield
 
     @cached_property
     def inputs(self) -> dict[str, str]:
@@ -73,15 +100,36 @@ class Stages:
     @cached_property
     def scene(self) -> pipeline.SceneData:
         """Mesh, maps and environments, read when first needed."""
-        with self.timed("read"):
-            return read_scene(self.spec)
+        look = self.spec.model_dump(mode="json", include={"mesh", "maps", "texture"})
+        skies = [light.model_dump(mode="json") for light in self.spec.lights if light.type == "environment"]
+        roles = {role: digest for role, digest in self.inputs.items() if role != "skin"}
+        key = key_of(look, skies, roles)
+
+        def read() -> pipeline.SceneData:
+            with self.timed("read"):
+                return read_scene(self.spec)
+
+        return self.workshop.last("scene", key, read)
 
     @cached_property
     def atlas(self) -> Atlas:
         """Raster of the mesh, made when first needed."""
-        scene = self.scene
-        with self.timed("raster"):
-            return pipeline.atlas_of(self.spec, scene.mesh)
+        key = raster_key(self.spec, self.inputs)
+
+        def make() -> Atlas:
+            cache = self.workshop.cache
+            if cache is None:
+                mesh = self.scene.mesh
+                with self.timed("raster"):
+                    return pipeline.atlas_of(self.spec, mesh)
+            return atlas_of_entry(cache.get_many({"raster": key}, lambda names: {"raster": rasterise()})["raster"])
+
+        def rasterise() -> dict[str, Any]:
+            mesh = self.scene.mesh
+            with self.timed("raster"):
+                return atlas_entry(pipeline.atlas_of(self.spec, mesh))
+
+        return self.workshop.last("atlas", key, make)
 
     @cached_property
     def tiles(self) -> tuple[int, ...]:
@@ -93,10 +141,15 @@ class Stages:
         """Attributes that every EXR carries."""
         return {"skinbake:version": skinbake.__version__, "skinbake:inputs": json.dumps(self.inputs, sort_keys=True)}
 
+    def kept_fit(self) -> GaussianSum | None:
+        """What profile.json holds, where it fits and the other two files are there."""
+        if self.force or not all((self.out / name).exists() for name in FIT_FILES):
+            return None
+        return read_gaussians(self.out / FIT_FILES[0], profile_key(self.spec, self.inputs))
+
     def profile(self) -> GaussianSum:
         """Fit the skin; writes profile.json, .csv and .png."""
-        key = profile_key(self.spec, self.inputs)
-        gaussians = None if self.force else read_gaussians(self.out / "profile.json", key)
+        gaussians = self.kept_fit()
         with self.timed("profile", reused=gaussians is not None):
             if gaussians is None:
                 from skinbake.io.table import read_profile_csv
@@ -104,7 +157,9 @@ class Stages:
                 path = getattr(self.spec.skin, "path", None)
                 table = read_profile_csv(path) if path else None
                 report = fit_skin(self.spec.skin, table)
-                write_fit(report, self.out, {"key": key})
+                for name in FIT_FILES:  # those of another fit: never one of each
+                    (self.out / name).unlink(missing_ok=True)
+                write_fit(report, self.out, {"key": profile_key(self.spec, self.inputs)})
                 gaussians = report.gaussians
         return gaussians
 
@@ -114,45 +169,89 @@ class Stages:
         kept = pipeline.energy_conservation(self.spec).kept
         return {light.name: light_key(self.spec, self.inputs, light.name, kept) for light in self.spec.lights}
 
+    @property
+    def irradiance_paths(self) -> dict[int, Path]:
+        """File of each tile."""
+        return {tile: tile_path(self.out / "irradiance.exr", tile, self.spec.texture.udim) for tile in self.tiles}
+
+    def stale_lights(self) -> tuple[str, ...] | None:
+        """Lights that irradiance.exr has not as they are now; None where the file is just what is wanted."""
+        found = [{} if self.force else light_keys(path) for path in self.irradiance_paths.values()]
+        if all(list(keys.items()) == list(self.light_keys.items()) for keys in found):
+            return None
+        return tuple(name for name, key in self.light_keys.items() if any(keys.get(name) != key for keys in found))
+
     def irradiance(self) -> tuple[IrradianceMap, ...]:
         """Light arriving, each light traced only where it is new or has changed; writes irradiance.exr."""
-        size, udim, precision = self.spec.texture.size, self.spec.texture.udim, self.spec.output.precision
-        paths = {tile: tile_path(self.out / "irradiance.exr", tile, udim) for tile in self.tiles}
-        found = [{} if self.force else light_keys(path) for path in paths.values()]
-        if all(list(keys.items()) == list(self.light_keys.items()) for keys in found):
+        size, precision = self.spec.texture.size, self.spec.output.precision
+        paths = self.irradiance_paths
+        stale = self.stale_lights()
+        if stale is None:
             with self.timed("irradiance", reused=True):
                 return tuple(read_irradiance(path, tile, size) for tile, path in paths.items())
-        stale = tuple(name for name, key in self.light_keys.items() if any(keys.get(name) != key for keys in found))
         kept = (
             [read_irradiance(path, tile) for tile, path in paths.items()] if len(stale) < len(self.light_keys) else []
         )
-        scene, atlas = self.scene, self.atlas
-        with self.timed("irradiance"):
-            new = pipeline.light_skin(self.spec, scene, atlas, stale)
-            result = tuple(
-                _merged(tuple(self.light_keys), new[i], kept[i] if kept else None, precision) for i in range(len(atlas))
-            )
-        with self.timed("write"):
+        atlas = self.atlas
+        found = self._lights(stale, atlas)
+        result = merged_lights(tuple(self.light_keys), found, kept, atlas)
+        with self.writing():
             for tile in result:
                 path = paths[tile.tile]
                 write_irradiance(path, tile, self.light_keys, self.header, precision, self.spec.output.compression)
         return result
 
-    def diffuse(self, gaussians: GaussianSum, irradiance: tuple[IrradianceMap, ...], light_id: Any) -> DiffuseMap:
-        """Blur; writes lobe_*.exr. `light_id` is what identifies the irradiance."""
-        spec = self.spec
+    def _lights(self, names: tuple[str, ...], atlas: Atlas) -> Mapping[str, Any]:
+        """Entries of lights by name, from the cache or made."""
+
+        def make(missing: tuple[str, ...]) -> dict[str, Any]:
+            made = pipeline.light_skin(self.spec, self.scene, atlas, missing)
+            self.traced += missing
+            return light_entries(made, self.spec.output.precision)
+
+        cache = self.workshop.cache
+        with self.timed("irradiance"):
+            if cache is None:
+                return make(names) if names else {}
+            return cache.get_many({name: self.light_keys[name] for name in names}, make)
+
+    def diffuse_key(self, gaussians: GaussianSum, light_id: Any) -> str:
+        """Of the lobes."""
         weights = (gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist())
-        key = diffuse_key(spec, self.inputs, weights, light_id)
-        found = None if self.force else read_summary(self.out, key, self.tiles, spec.texture.udim)
+        return diffuse_key(self.spec, self.inputs, weights, light_id)
+
+    def kept_lobes(self, key: str) -> DiffuseMap | None:
+        """What the folder's lobes say of themselves, where they are those of `key`."""
+        return None if self.force else read_summary(self.out, key, self.tiles, self.spec.texture.udim)
+
+    def diffuse(self, gaussians: GaussianSum, irradiance: tuple[IrradianceMap, ...], light_id: Any) -> DiffuseMap:
+        """Blur; writes lobe_*.exr. `light_id` identifies the irradiance: the key of each light by name, or anything."""
+        spec = self.spec
+        key = self.diffuse_key(gaussians, light_id)
+        found = self.kept_lobes(key)
         if found is not None:
             with self.timed("diffuse", reused=True):
                 return found
-        scene, atlas = self.scene, self.atlas
+        scene, atlas, cache = self.scene, self.atlas, self.workshop.cache
+
+        def remember(kind: Any, names: tuple[str, ...], make: Any) -> Any:
+            assert cache is not None
+            return cache.get_many({name: blur_key(spec, self.inputs, light_id[name], kind) for name in names}, make)
+
         with self.timed("diffuse"):
             result = pipeline.scatter(
-                spec, scene, atlas, irradiance, gaussians, say=lambda text: self.say(f"    {text}", 2)
+                spec,
+                scene,
+                atlas,
+                irradiance,
+                gaussians,
+                say=lambda text: self.say(f"    {text}", 2),
+                remember=remember if cache is not None and isinstance(light_id, Mapping) else None,
             )
-        with self.timed("write"):
+        with self.writing():
+            for pattern in ("lobe_*.exr", "lobe_*.tx", "transmission*"):  # of a look with more lobes
+                for left in sorted(self.out.glob(pattern)):  # lobe_0 first: it vouches for the others
+                    left.unlink()
             write_lobes(
                 self.out,
                 result,
@@ -165,18 +264,23 @@ class Stages:
             )
         return result
 
+    def textures(self, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap) -> list[Path]:
+        """.tx of every EXR, where the look wants them."""
+        from skinbake.io.tx import is_current, write_tx
 
-def _merged(names: tuple[str, ...], new: IrradianceMap, kept: IrradianceMap | None, precision: str) -> IrradianceMap:
-    """Lights in the order of `names`, from `new` where it has them.
+        coverage = {tile.tile: tile.coverage for tile in irradiance}
+        exrs = [(path, tile) for tile, path in self.irradiance_paths.items()]
+        for index, lobe in enumerate(result.lobes):
+            exrs += [(self.lobe_path(index, lobe, tile), tile) for tile in lobe.rgb]
+        stale = [(path, tile) for path, tile in exrs if self.force or not is_current(path)]
+        with self.timed("textures", reused=not stale):
+            for path, tile in stale:
+                write_tx(path, coverage[tile])
+        return sorted(self.out.glob("*.tx"))
 
-    Rounded as the file will hold them: a bake taken up from its files must not differ from one made in one go.
-    """
-    source = [
-        (m, m.lights.index(name)) for name in names for m in [new if kept is None or name in new.lights else kept]
-    ]
-    rgb, visibility = (np.stack([getattr(m, field)[i] for m, i in source]) for field in ("rgb", "visibility"))
-    rgb = as_stored(rgb, precision)
-    return IrradianceMap(new.tile, names, rgb, as_stored(visibility[..., None], precision)[..., 0], new.coverage)
+    def lobe_path(self, index: int, lobe: Any, tile: int) -> Path:
+        """File of a lobe's tile."""
+        return tile_path(self.out / lobe_name(index, lobe), tile, self.spec.texture.udim)
 
 
 def peak_memory_mib() -> float:

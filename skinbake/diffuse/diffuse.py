@@ -15,6 +15,7 @@ from skinbake.diffuse.error import measure_error, weighted_sum
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.plan import LobePlan, plan_lines, plan_lobes
 from skinbake.diffuse.probes import VERIFY, Probes, draw_probes
+from skinbake.diffuse.remember import Remember, RememberingDiffuser
 from skinbake.errors import InputError
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
@@ -32,6 +33,7 @@ def diffuse(
     seed: int,
     precision: str = "half",
     progress: Callable[[str], None] | None = None,
+    remember: Remember | None = None,
 ) -> DiffuseMap:
     """Blur light by each Gaussian and measure the error of the sum.
 
@@ -48,6 +50,8 @@ def diffuse(
         What the lobes will be written as; its rounding is part of the storage error.
     progress : callable, optional
         Told in words what begins.
+    remember : callable, optional
+        Asked for what is known of a light already; the result is the same to the last bit.
 
     Returns
     -------
@@ -69,7 +73,11 @@ def diffuse(
     check_memory(atlas[0].shape, len(lights), len(atlas), len(gaussians.variance_mm2), spec.method)
     tell = progress or (lambda _: None)
     scaled, exponent = _scaled(tiles)
-    diffuser = Diffuser(scaled, atlas, mesh, spec)
+    diffuser = (
+        Diffuser(scaled, atlas, mesh, spec)
+        if remember is None
+        else RememberingDiffuser(scaled, atlas, mesh, spec, lights, remember)
+    )
 
     lines: list[PlanLine] = []
     if spec.method == "auto":

@@ -36,11 +36,11 @@ def key_of(*parts: Any) -> str:
 
 
 @cache
-def code_key(*folders: str) -> str:
-    """Digest of the package's ground and of `folders`: results of other code are never taken for ours."""
+def code_key(*parts: str) -> str:
+    """Digest of the package's ground and of `parts`, folders or files: results of other code are not ours."""
     files = [*PACKAGE.glob("*.py"), *(PACKAGE / "scene").glob("*.py")]
-    for folder in folders:
-        files += (PACKAGE / folder).rglob("*.py")
+    for part in parts:
+        files += (PACKAGE / part).rglob("*.py") if (PACKAGE / part).is_dir() else [PACKAGE / part]
     digest = hashlib.sha256()
     for file in sorted(set(files)):
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + file.read_bytes())
@@ -75,9 +75,11 @@ def _tiles(path: str) -> Iterable[Path]:
     return found
 
 
+def digest_of(paths: tuple[Path, ...]) -> str:
+    """Of one role: its file, or its files' names and contents."""
+    return sha256_of(paths[0]) if len(paths) == 1 else key_of([(p.name, sha256_of(p)) for p in paths])
+
+
 def input_hashes(spec: SceneSpec) -> dict[str, str]:
     """Digest of each role's file or files."""
-    return {
-        role: sha256_of(paths[0]) if len(paths) == 1 else key_of([(p.name, sha256_of(p)) for p in paths])
-        for role, paths in input_files(spec).items()
-    }
+    return {role: digest_of(paths) for role, paths in input_files(spec).items()}

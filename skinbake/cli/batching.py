@@ -1,0 +1,161 @@
+"""A batch: which looks, who bakes them, and what is left behind: batch.json, batch.png."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+import skinbake
+from skinbake.cli.crew import Crew
+from skinbake.cli.job import Order, bake_job
+from skinbake.cli.progress import BatchProgress
+from skinbake.errors import InputError, SkinbakeError
+from skinbake.io.atomic import write_text
+from skinbake.io.batch_file import Batch, BatchJob
+from skinbake.io.contact_sheet import Cell, write_contact_sheet
+from skinbake.io.fingerprint import code_key
+
+NAME, SHEET = "batch.json", "batch.png"
+GOOD = ("done", "fresh")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the command line asks for."""
+
+    batch: Batch
+    only: tuple[str, ...] = ()
+    workers: int = 1
+    keep_going: bool = True
+    force: bool = False
+    preview: bool = True
+    cache: Path | None = None
+    cache_bytes: int = 8 * 2**30
+    dask: str | None = None
+    retries: int = 1
+
+    @property
+    def selected(self) -> tuple[BatchJob, ...]:
+        """Jobs that `only` names.
+
+        Raises
+        ------
+        InputError
+            A name that fits none.
+        """
+        jobs = self.batch.jobs
+        for pattern in self.only:
+            if not any(fnmatchcase(job.name, pattern) for job in jobs):
+                raise InputError(f"--only {pattern}: expected one of {', '.join(job.name for job in jobs)}")
+        return tuple(job for job in jobs if not self.only or any(fnmatchcase(job.name, p) for p in self.only))
+
+    def order(self, job: BatchJob) -> Order:
+        """What the job's process needs to know."""
+        cache = str(self.cache) if self.cache else None
+        return Order(job.spec, self.force, self.preview, cache, self.cache_bytes, code_key("."))
+
+
+def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
+    """Bake the selected looks; gives and writes what batch.json holds."""
+    start = time.perf_counter()
+    jobs = plan.selected
+    payloads = {job.name: plan.order(job) for job in jobs}
+    peak = None
+    with BatchProgress(len(jobs), plan.workers, console) as progress:
+        if plan.dask:
+            from skinbake.cli.farm import run_on_dask
+
+            results = run_on_dask(
+                plan.dask, bake_job, payloads, progress.hear, plan.workers, plan.retries, plan.keep_going
+            )
+        else:
+            crew = Crew(bake_job, min(plan.workers, len(jobs)), plan.retries, progress.hear)
+            results = crew.run(payloads, plan.keep_going)
+            peak = round(crew.peak_mib, 1)
+    seconds = round(time.perf_counter() - start, 3)
+    report: dict[str, Any] = {
+        "version": skinbake.__version__,
+        "file": plan.batch.path.name,
+        "seconds": seconds,
+        "workers": plan.workers,
+        "dask": plan.dask,
+        "peak_memory_mib": peak,
+        "cache": {
+            figure: sum(result.get("cache", {}).get(figure, 0) for result in results.values())
+            for figure in ("hits", "misses")
+        },
+        "jobs": _entries(plan, results),
+    }
+    write_text(plan.batch.folder / NAME, json.dumps(report, indent=1) + "\n")
+    if plan.preview:
+        _sheet(plan.batch, report["jobs"])
+    _summary(report, plan.batch.folder, console)
+    return report
+
+
+def _entries(plan: Plan, results: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    """One entry a job of the file; a job that was not selected keeps its last one."""
+    before: dict[str, Any] = {}
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        last = json.loads((plan.batch.folder / NAME).read_text(encoding="utf-8"))
+        before = {entry["name"]: entry for entry in last["jobs"]}
+    entries = []
+    for job in plan.batch.jobs:
+        named = {"name": job.name, "folder": job.name, "choices": dict(job.choices), "selected": job.name in results}
+        entries.append(before.get(job.name, {"status": "not run"}) | named | results.get(job.name, {}))
+    return entries
+
+
+def _sheet(batch: Batch, entries: list[dict[str, Any]]) -> None:
+    """batch.png: rows as wide as the matrix's last axis."""
+    cells = []
+    for entry in entries:
+        failed = entry["status"] not in (*GOOD, "not run")
+        picture = batch.folder / entry["folder"] / "preview.png" if entry["status"] in (*GOOD, "missed") else None
+        note = entry.get("error") if failed else entry.get("note")
+        cells.append(Cell(entry["name"], picture, note or entry["status"], failed))
+    axes = [list(entry["choices"].items()) for entry in entries]
+    columns = None
+    if axes and all(axes):
+        columns = len({choices[-1][1] for choices in axes})
+    write_contact_sheet(batch.folder / SHEET, cells, columns if columns and columns > 1 else None)
+
+
+def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
+    ran = [entry for entry in report["jobs"] if entry["selected"]]
+    bad = [entry for entry in ran if entry["status"] not in GOOD]
+    hits, misses = report["cache"]["hits"], report["cache"]["misses"]
+    text = f"{len(ran) - len(bad)} of {len(ran)} looks in {report['seconds']:.1f} s: {folder / NAME}"
+    if hits:
+        text += f"; {hits} of {hits + misses} results came from the cache"
+    console.print(text, markup=False, soft_wrap=True)
+    for entry in bad:
+        for line in str(entry.get("error") or entry["status"]).splitlines():
+            console.print(f"  {entry['name']}: {line}", markup=False, soft_wrap=True)
+
+
+def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
+    """A line a look: its stages that would run, and why; and whether every input is there."""
+    from skinbake.cli.stages import Stages
+    from skinbake.cli.stale import stale_stages
+    from skinbake.cli.workshop import Workshop
+
+    lines, ok = [], True
+    for job in plan.selected:
+        order = plan.order(job)
+        workshop = Workshop.of(order.cache, order.cache_bytes, lambda event: None)
+        try:
+            stale = stale_stages(Stages(job.spec, plan.force, verbosity=0, workshop=workshop), plan.preview)
+            text = "; ".join(f"{stage}: {why}" for stage, why in stale.items()) or "as it was"
+        except SkinbakeError as error:
+            text, ok = f"cannot be baked: {error}", False
+        lines.append(f"{job.name:<28} {text}")
+    return lines, ok

@@ -1,0 +1,79 @@
+"""One job of a batch, in whatever process it runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skinbake.errors import ConfigError, InputError, MachineError, ToleranceMissedError
+from skinbake.scene.spec import SceneSpec
+
+
+@dataclass(frozen=True)
+class Order:
+    """A look and how to bake it.
+
+    Attributes
+    ----------
+    cache : folder of the shared results, or None
+    code : digest of the code that gave the order; another process must have the same
+    """
+
+    spec: SceneSpec
+    force: bool
+    preview: bool
+    cache: str | None
+    cache_bytes: int
+    code: str
+
+
+def bake_job(order: Order, tell: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+    """Bake one look; what the user can mend comes back as `error`, what another machine may do better is raised.
+
+    Raises
+    ------
+    MachineError
+        Disk full, no OpenGL, other code than the one that gave the order.
+    """
+    from skinbake.cli.baking import bake_look
+    from skinbake.cli.workshop import Workshop
+    from skinbake.io.fingerprint import code_key
+    from skinbake.io.manifest import read_manifest
+
+    if code_key(".") != order.code:
+        raise MachineError("this worker runs another version of skinbake than the one that sent the job; update it")
+    start = time.perf_counter()
+    stages: dict[str, bool] = {}
+
+    def hear(event: dict[str, Any]) -> None:
+        if "reused" in event:
+            stages[event["stage"]] = event["reused"]
+        tell(event)
+
+    workshop = Workshop.of(order.cache, order.cache_bytes, hear)
+    status, fault = "done", None
+    try:
+        manifest = bake_look(order.spec, order.force, order.preview, verbosity=0, workshop=workshop)
+    except ToleranceMissedError as error:
+        status, fault = "missed", str(error)
+        manifest = read_manifest(order.spec.output.dir)
+    except (InputError, ConfigError) as error:
+        return {"status": "failed", "error": str(error), "seconds": time.perf_counter() - start}
+    if status == "done" and all(stages.values()):
+        status = "fresh"
+    error_figures = manifest["error"] or {}
+    return {
+        "status": status,
+        "error": fault,
+        "seconds": round(time.perf_counter() - start, 3),
+        "ran": [stage for stage, reused in stages.items() if not reused],
+        "reused": [stage for stage, reused in stages.items() if reused],
+        "cache": workshop.figures,
+        "peak_memory_mib": manifest["peak_memory_mib"],
+        "measured": {name: error_figures[name] for name in ("rms", "p95", "max") if name in error_figures},
+        "note": f"rms {error_figures['rms']:.2%}" if "rms" in error_figures else "",
+        "preview": "preview.png" if (Path(order.spec.output.dir) / "preview.png").exists() else None,
+    }

@@ -1,0 +1,70 @@
+"""What looks share, as plain arrays for the cache, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, AtlasRaster
+from skinbake.io.cache import Entry
+from skinbake.io.exr import as_stored
+from skinbake.irradiance import IrradianceMap
+
+
+def atlas_entry(atlas: Atlas) -> Entry:
+    """Every array of every tile, by `tile.field`."""
+    names = [field.name for field in fields(AtlasRaster) if field.name != "tile"]
+    return {f"{raster.tile}.{name}": getattr(raster, name) for raster in atlas for name in names}
+
+
+def atlas_of_entry(entry: Entry) -> Atlas:
+    """The atlas again."""
+    tiles: dict[int, dict[str, Any]] = {}
+    for name, array in entry.items():
+        tile, _, field = name.partition(".")
+        tiles.setdefault(int(tile), {})[field] = array
+    return tuple(AtlasRaster(tile=tile, **arrays) for tile, arrays in sorted(tiles.items()))
+
+
+def light_entries(maps: Sequence[IrradianceMap], precision: str) -> dict[str, Entry]:
+    """Each light's irradiance and visibility, rounded as the file will hold them.
+
+    A bake taken up from files or from the cache must not differ from one made in one go.
+    """
+    entries: dict[str, Entry] = {name: {} for name in maps[0].lights}
+    for tile in maps:
+        for i, name in enumerate(tile.lights):
+            rgb = as_stored(tile.rgb[i : i + 1], precision)[0]
+            visibility = as_stored(tile.visibility[i][None, ..., None], precision)[0, ..., 0]
+            entries[name] |= {f"{tile.tile}.rgb": _packed(rgb), f"{tile.tile}.visibility": _packed(visibility)}
+    return entries
+
+
+def merged_lights(
+    names: tuple[str, ...], found: Mapping[str, Entry], kept: Sequence[IrradianceMap], atlas: Atlas
+) -> tuple[IrradianceMap, ...]:
+    """Lights in the order of `names`: from `found` where it has them, else from what was `kept` of the files."""
+    tiles = []
+    for k, raster in enumerate(atlas):
+        rgb = np.empty((len(names), *raster.shape, 3), np.float32)
+        visibility = np.empty((len(names), *raster.shape), np.float32)
+        for i, name in enumerate(names):
+            if name in found:
+                rgb[i], visibility[i] = found[name][f"{raster.tile}.rgb"], found[name][f"{raster.tile}.visibility"]
+            else:
+                j = kept[k].lights.index(name)
+                rgb[i], visibility[i] = kept[k].rgb[j], kept[k].visibility[j]
+        tiles.append(IrradianceMap(raster.tile, names, rgb, visibility, raster.coverage))
+    return tuple(tiles)
+
+
+def _packed(values: NDArray[np.float32]) -> NDArray[np.floating]:
+    """As half floats where that loses nothing."""
+    if np.abs(values).max(initial=0.0) > np.finfo(np.float16).max:
+        return values
+    half = values.astype(np.float16)
+    return half if np.array_equal(half.astype(np.float32), values) else values
