@@ -45,8 +45,6 @@ class Clusters:
     position, normal : ndarray of shape (S, 3), float32
     area_mm2, spread_mm2 : ndarray of shape (S,), float32
         `spread_mm2` is 0 for a single texel.
-    texel_mm2 : ndarray of shape (S,), float32
-        Of a single texel; 0 for a block.
     radiosity : ndarray of shape (S, C), float32
     """
 
@@ -54,7 +52,6 @@ class Clusters:
     normal: NDArray[np.float32]
     area_mm2: NDArray[np.float32]
     spread_mm2: NDArray[np.float32]
-    texel_mm2: NDArray[np.float32]
     radiosity: NDArray[np.float32]
 
 
@@ -99,15 +96,15 @@ def cut_clusters(
             start = np.concatenate([[0], np.cumsum(per_row)])
             out = np.empty((start[-1], _MOMENTS), np.float32), np.empty((start[-1], channels), np.float32)
             _emit(moments, mean, now, start, *out)
-            parts.append((*out, np.zeros(len(out[0]), np.float32)))
+            parts.append(out)
             taken = now
         parts.append(_single_texels(points, radiosity, taken))
-    block, radiosity_out, texel_mm2 = (np.concatenate([p[i] for p in parts]) for i in range(3))
+    block, radiosity_out = (np.concatenate([p[i] for p in parts]) for i in range(2))
     normal = block[:, 5:8]
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.float32(1e-12))
     return Clusters(
         np.ascontiguousarray(block[:, 1:4]), np.ascontiguousarray(normal), block[:, 0].copy(), block[:, 4].copy(),
-        texel_mm2, radiosity_out,
+        radiosity_out,
     )  # fmt: skip
 
 
@@ -121,7 +118,7 @@ def _single_texels(
     index = np.flatnonzero(keep)
     block = np.zeros((len(index), _MOMENTS), np.float32)
     block[:, 0], block[:, 1:4], block[:, 5:8] = points.area_mm2[index], points.position[index], points.normal[index]
-    return block, radiosity[points.flat_index[index]], points.texel_mm2[index]
+    return block, radiosity[points.flat_index[index]]
 
 
 @njit(cache=True, parallel=True)

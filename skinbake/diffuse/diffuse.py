@@ -90,7 +90,7 @@ def diffuse(
     made: list[Tiles] = []
     for i, (plan, variance) in enumerate(zip(plans, gaussians.variance_mm2, strict=True)):
         tell(f"lobe {i}: {plan.method}")
-        made.append(diffuser.map(plan.method, float(variance), plan.level))
+        made.append(diffuser.map(plan.method, float(variance), plan.level, plan.spacing))
 
     error, by_lobe = None, [None] * len(plans)
     if spec.probes:
@@ -171,8 +171,9 @@ def _errors(
     exact, unreduced, read = [], [], []
     for plan, values, variance in zip(plans, made, gaussians.variance_mm2, strict=True):
         exact.append(diffuser.reference(float(variance), probes))
-        unreduced.append(diffuser.at(plan.method, float(variance), plan.level, probes))
+        unreduced.append(diffuser.at(plan.method, float(variance), plan.level, plan.spacing, probes))
         read.append(diffuser.read(values, probes, precision == "half"))
+        diffuser.forget(float(variance))
     total = measure_error(*(weighted_sum(x, gaussians.weight_rgb) for x in (read, unreduced, exact)))
     return total, [measure_error(*each) for each in zip(read, unreduced, exact, strict=True)]
 
@@ -204,5 +205,3 @@ def _advice(spec: DiffusionSpec, error: MeasuredError) -> str:
     if spec.method in ("texture", "stretch"):
         return head + "the method is the larger part; set diffusion.method to auto or surface"
     return head + "the method is the larger part; raise texture.size, or the tolerance"
-
-

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, Atlas, rasterize
 from skinbake.diffuse.points import TexelPoints, texel_points
-from skinbake.diffuse.probes import Probes, read_bilinear
+from skinbake.diffuse.probes import Probes, bilinear_texels, read_bilinear
 from skinbake.diffuse.reference import reference_integral
-from skinbake.diffuse.surface import SurfaceLight, evaluate, lobe_sources, surface_light
+from skinbake.diffuse.surface import LobeSources, SurfaceLight, evaluate, lobe_sources, surface_light
 from skinbake.diffuse.texture import (
     TexturePyramid,
     level_size,
@@ -43,6 +43,7 @@ class Diffuser:
         self.size = atlas[0].shape
         self.lights = self.source[0].shape[0]
         self._targets: dict[int, list[TexelPoints]] = {}
+        self._sources: dict[tuple[float, float], LobeSources] = {}
 
     @cached_property
     def surface(self) -> SurfaceLight:
@@ -79,7 +80,18 @@ class Diffuser:
             self._targets[level] = [texel_points(r, self.mesh, self.surface.centre_mm, extend=True) for r in atlas]
         return self._targets[level]
 
-    def map(self, method: str, variance_mm2: float, level: int) -> Tiles:
+    def sources(self, variance_mm2: float, spacing: float) -> LobeSources:
+        """Clusters of one lobe; kept until `forget`."""
+        key = (variance_mm2, spacing)
+        if key not in self._sources:
+            self._sources[key] = lobe_sources(self.surface, variance_mm2, spacing)
+        return self._sources[key]
+
+    def forget(self, variance_mm2: float) -> None:
+        """Drop what only this lobe needed."""
+        self._sources = {key: kept for key, kept in self._sources.items() if key[0] != variance_mm2}
+
+    def map(self, method: str, variance_mm2: float, level: int, spacing: float) -> Tiles:
         """One lobe at a stored size, (L, h, w, 3) a tile."""
         if method == "identity":
             return list(self.source)
@@ -90,19 +102,20 @@ class Diffuser:
                 for p, s in zip(self.pyramids, self.source, strict=True)
             ]
         if method == "surface":
-            return self._surface_map(variance_mm2, level)
+            return self._surface_map(variance_mm2, level, spacing)
         if method == "reference":
             return self._reference_map(variance_mm2, level)
         raise ValueError(f"method: expected identity, texture, stretch, surface or reference, got {method}")
 
-    def at(self, method: str, variance_mm2: float, level: int, probes: Probes) -> Float:
+    def at(self, method: str, variance_mm2: float, level: int, spacing: float, probes: Probes) -> Float:
         """The same lobe at probe points as the method gives it before any storage, (P, 3 L)."""
         if method == "identity":
             return self.at_texel(probes)
         if method == "texture":
             return texture_at(self.pyramids, self.variance_texels2(variance_mm2), level, probes)
         if method == "surface":
-            return self._surface_points(variance_mm2, probes.position, probes.normal, probes.texel_mm2)
+            sources = self.sources(variance_mm2, spacing)
+            return self._surface_points(sources, probes.position, probes.normal, probes.texel_mm2)
         return self.reference(variance_mm2, probes)
 
     def at_texel(self, probes: Probes) -> Float:
@@ -112,6 +125,22 @@ class Diffuser:
             mine = probes.tile == k
             values = source.reshape(self.lights, -1, 3)[:, probes.flat_index[mine]]
             out[mine] = values.transpose(1, 0, 2).reshape(-1, 3 * self.lights)
+        return out
+
+    def read_surface(self, variance_mm2: float, level: int, spacing: float, probes: Probes) -> Float:
+        """What bilinear reading of a stored `surface` lobe will give at the probes, from the four texels around each only."""
+        out = np.zeros((len(probes), 3 * self.lights))
+        sources = self.sources(variance_mm2, spacing)
+        for k, points in enumerate(self.targets(level)):
+            mine = probes.tile == k
+            height, width = points.row.shape
+            flat, weight = bilinear_texels(probes.place[mine], height, width)
+            texels, back = np.unique(flat, return_inverse=True)
+            row = points.row.reshape(-1)[texels]
+            shown = np.maximum(row, 0)
+            values = self._surface_points(sources, points.position[shown], points.normal[shown], points.texel_mm2[shown])
+            values[row < 0] = 0
+            out[mine] = (values[back.reshape(flat.shape)] * weight[..., None]).sum(axis=1)
         return out
 
     def read(self, tiles: Tiles, probes: Probes, half: bool) -> Float:
@@ -133,12 +162,12 @@ class Diffuser:
     ) -> Float:
         texels, rows = self.surface.texels
         return reference_integral(
-            rows, texels.area_mm2[rows.order], texels.texel_mm2[rows.order], position, normal, texel, variance_mm2,
+            rows, texels.area_mm2[rows.order], position, normal, texel, variance_mm2,
             self.spec.separate, self.spec.normalise,
         )  # fmt: skip
 
-    def _surface_map(self, variance_mm2: float, level: int) -> Tiles:
-        sources = lobe_sources(self.surface, variance_mm2)
+    def _surface_map(self, variance_mm2: float, level: int, spacing: float) -> Tiles:
+        sources = self.sources(variance_mm2, spacing)
         tiles = []
         for k, points in enumerate(self.targets(level)):
             flat = np.zeros((points.row.size, 3 * self.lights), np.float32)
@@ -149,12 +178,12 @@ class Diffuser:
         return tiles
 
     def _surface_points(
-        self, variance_mm2: float, position: NDArray[np.float32], normal: NDArray[np.float32], texel: NDArray[np.float32]
+        self, sources: LobeSources, position: NDArray[np.float32], normal: NDArray[np.float32], texel: NDArray[np.float32]
     ) -> Float:
         count = np.arange(len(position), dtype=np.int32)
         points = TexelPoints(count[:, None], count, position, normal, np.zeros(len(count), np.float32), texel)
         out = np.zeros((len(position), 3 * self.lights), np.float32)
-        evaluate(lobe_sources(self.surface, variance_mm2), points, self.spec.separate, self.spec.normalise, out)
+        evaluate(sources, points, self.spec.separate, self.spec.normalise, out)
         return out.astype(np.float64)
 
     def _reference_map(self, variance_mm2: float, level: int) -> Tiles:

@@ -20,20 +20,20 @@ _TWENTYFOURTH = np.float32(1 / 24)
 _HUNDRED_TWENTIETH = np.float32(1 / 120)
 _TINY = np.float32(1e-20)
 # exp(-x) = (Taylor of exp(-x/32))^32, x clamped to 32: relative error 2e-6 at 4 sigma, 2e-3 of e^-18 at 6 sigma
-EXPONENT_STEPS = 32.0
+_STEPS = np.float32(32)
 
 
 @njit(cache=True, parallel=True)
 def gather(  # type: ignore[no-untyped-def]
-    batches, position, normal, reach, flat_index,  # targets: (B, 16) rows of the others, (T, 3), (T, 3), (T,), (T,)
-    source, rate, amplitude, source_normal, radiosity,  # (S, 3), (S,), (S,), (S, 3), (S, C)
+    batches, position, normal, variance, gain, flat_index,  # targets: (B, 16) rows of the rest, (T, 3), (T, 3), (T,) ...
+    source, narrowing, amplitude, source_normal, radiosity,  # (S, 3), (S,), (S,), (S, 3), (S, C)
     row_start, origin, cell, rows_y, rows_z,  # rows of sources along x, sorted by x inside each
-    separate, scale,  # scale > 0: out = scale * sum (not normalised)
+    cut, separate, scale,  # scale > 0: out = scale gain sum (not normalised)
     out, weight,  # (H*W, C), (H*W,)
 ):  # fmt: skip
-    """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-32 rate_s |x_t - x_s|^2) passes_ts.
+    """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 variance_t) passes_ts.
 
-    A target looks at least `reach` mm far. `weight` receives the sum of weights; where it is not positive `out` is left as it was.
+    A target looks at least `cut` sqrt(variance_t) mm far. `weight` receives the sum of weights; where it is not positive `out` is left as it was.
     """
     channels = radiosity.shape[1]
     for b in prange(batches.shape[0]):
@@ -44,12 +44,14 @@ def gather(  # type: ignore[no-untyped-def]
         ny = np.empty(LANES, np.float32)
         nz = np.empty(LANES, np.float32)
         w = np.empty(LANES, np.float32)
+        rate = np.empty(LANES, np.float32)
         total = np.zeros(LANES, np.float32)
         acc = np.zeros((channels, LANES), np.float32)
         radius = np.float32(0)
         for t in range(LANES):
             k = batches[b, t]
-            radius = max(radius, reach[k])
+            radius = max(radius, cut * np.sqrt(variance[k]))
+            rate[t] = _HALF / (_STEPS * variance[k])
             x[t], y[t], z[t] = position[k, 0], position[k, 1], position[k, 2]
             nx[t], ny[t], nz[t] = normal[k, 0], normal[k, 1], normal[k, 2]
 
@@ -83,10 +85,10 @@ def gather(  # type: ignore[no-untyped-def]
                     xs, ys, zs = source[s, 0], source[s, 1], source[s, 2]
                     if xs > x1 - less:
                         break
-                    rate_s, amplitude_s = rate[s], amplitude[s]
+                    narrowing_s, amplitude_s = narrowing[s], amplitude[s]
                     for t in range(LANES):
                         dx, dy, dz = xs - x[t], ys - y[t], zs - z[t]
-                        e = min((dx * dx + dy * dy + dz * dz) * rate_s, _ONE)
+                        e = min((dx * dx + dy * dy + dz * dz) * (rate[t] * narrowing_s), _ONE)
                         p = _ONE + e * (-_ONE + e * (_HALF - e * (_SIXTH - e * (_TWENTYFOURTH - e * _HUNDRED_TWENTIETH))))
                         p = p * p
                         p = p * p
@@ -115,8 +117,8 @@ def gather(  # type: ignore[no-untyped-def]
             weight[k] = total[t]
             if scale > 0:
                 for c in range(channels):
-                    out[k, c] = acc[c, t] * scale
-            elif total[t] > 0:
+                    out[k, c] = acc[c, t] * (scale * gain[batches[b, t]])
+            elif total[t] > _TINY:
                 for c in range(channels):
                     out[k, c] = acc[c, t] / total[t]
 

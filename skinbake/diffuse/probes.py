@@ -14,6 +14,7 @@ from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
 VERIFY, PLAN = 0, 1  # streams of the same seed: a plan never sees the probes that judge it
+SQUEEZED = 64.0  # texels of skin in one texel
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,14 @@ class Probes:
 def draw_probes(
     atlas: Atlas, mesh: SkinMesh, points: Sequence[TexelPoints], count: int, seed: int, stream: int = VERIFY
 ) -> Probes:
-    """`count` texels, each drawn with a chance proportional to its skin area, independently."""
+    """`count` texels, each drawn with a chance proportional to its skin area, independently.
+
+    A texel counts for at most SQUEEZED times the mean: skin that the UVs squeeze into almost no texture is shown by a
+    few texels whatever a bake does, and would otherwise be most of what is judged (`squeezed_share` says how much it is).
+    """
     rng = np.random.default_rng([seed, stream])
     area = np.concatenate([p.area_mm2 for p in points]).astype(np.float64)
+    area = np.minimum(area, SQUEEZED * _mean_area(area))
     owner = np.repeat(np.arange(len(points), dtype=np.int32), [len(p.area_mm2) for p in points])
     within = np.concatenate([np.arange(len(p.area_mm2)) for p in points])
     total = np.cumsum(area)
@@ -69,6 +75,17 @@ def draw_probes(
         texel_mm2[mine] = p.texel_mm2[r]
         place[mine] = _places(raster.face_index, raster.barycentric, p.flat_index[r], mesh.corner_uv, tile_origin(raster.tile))
     return Probes(tile, flat, place, position, normal, texel_mm2)
+
+
+def squeezed_share(points: Sequence[TexelPoints]) -> float:
+    """Share of the skin beyond SQUEEZED mean texels in one texel."""
+    area = np.concatenate([p.area_mm2 for p in points]).astype(np.float64)
+    total = area.sum()
+    return float(np.maximum(area - SQUEEZED * _mean_area(area), 0).sum() / total) if total > 0 else 0.0
+
+
+def _mean_area(area_mm2: Float) -> float:
+    return float(area_mm2.sum() / max(1, np.count_nonzero(area_mm2)))
 
 
 def _places(
@@ -101,19 +118,21 @@ def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) 
     ndarray of shape (P, 3 L), float64
     """
     lights, height, width, _ = image.shape
+    flat, weight = bilinear_texels(place, height, width)
+    values = image.reshape(lights, -1, 3)[:, flat]
+    if half:
+        with np.errstate(over="ignore"):  # past 65504 the writer takes float
+            rounded = values.astype(np.float16).astype(np.float32)
+        values = np.where(np.isfinite(rounded), rounded, values)
+    return np.einsum("lpkc,pk->plc", values.astype(np.float64), weight).reshape(len(place), 3 * lights)
+
+
+def bilinear_texels(place: Float, height: int, width: int) -> tuple[NDArray[np.int64], Float]:
+    """The four texels around each place, flat, and their weights, both (P, 4)."""
     row, col = place[:, 0] * height - 0.5, place[:, 1] * width - 0.5
     r0, c0 = np.floor(row).astype(np.int64), np.floor(col).astype(np.int64)
-    fr, fc = (row - r0)[:, None, None], (col - c0)[:, None, None]
-
-    def texel(r: NDArray[np.int64], c: NDArray[np.int64]) -> Float:
-        values = image[:, np.clip(r, 0, height - 1), np.clip(c, 0, width - 1)].transpose(1, 0, 2)
-        if half:
-            with np.errstate(over="ignore"):  # past 65504 the writer takes float
-                rounded = values.astype(np.float16).astype(np.float32)
-            values = np.where(np.isfinite(rounded), rounded, values)
-        return values.astype(np.float64)
-
-    top = texel(r0, c0) * (1 - fc) + texel(r0, c0 + 1) * fc
-    bottom = texel(r0 + 1, c0) * (1 - fc) + texel(r0 + 1, c0 + 1) * fc
-    return (top * (1 - fr) + bottom * fr).reshape(len(place), 3 * lights)
-
+    fr, fc = row - r0, col - c0
+    rows = [np.clip(r, 0, height - 1) for r in (r0, r0, r0 + 1, r0 + 1)]
+    cols = [np.clip(c, 0, width - 1) for c in (c0, c0 + 1, c0, c0 + 1)]
+    weight = np.stack([(1 - fr) * (1 - fc), (1 - fr) * fc, fr * (1 - fc), fr * fc], axis=1)
+    return np.stack([r * width + c for r, c in zip(rows, cols, strict=True)], axis=1), weight

@@ -22,7 +22,6 @@ CUT_SIGMA = 6.0
 def reference_integral(
     texels: SourceRows,
     area_mm2: NDArray[np.float32],
-    texel_mm2: NDArray[np.float32],
     position: NDArray[np.float32],
     normal: NDArray[np.float32],
     at_texel_mm2: NDArray[np.float32],
@@ -32,14 +31,14 @@ def reference_integral(
 ) -> Float:
     """M at points of the skin, by the integral of one Gaussian over every texel within 6 sigma.
 
-    M(x) = sum_j a_j G(v_j, |x - x_j|) passes(x, j) E_j, over the same sum without E_j if `normalise`
+    M(x) = sum_j a_j G(v, |x - x_j|) passes(x, j) E_j, over the same sum without E_j if `normalise`
     [Jensen2002].
 
     Parameters
     ----------
     texels : SourceRows
         Every texel that has area.
-    area_mm2, texel_mm2 : ndarray of shape (S,), float32
+    area_mm2 : ndarray of shape (S,), float32
         In the order of `texels`.
     position, normal : ndarray of shape (P, 3), float32
     at_texel_mm2 : ndarray of shape (P,), float32
@@ -53,11 +52,10 @@ def reference_integral(
     """
     if not variance_mm2 > 0:
         raise ValueError(f"reference_integral: expected a variance > 0, got {variance_mm2}")
-    own, gain = lattice_gaussian(variance_mm2, texel_mm2)
-    here, _ = lattice_gaussian(variance_mm2, at_texel_mm2)
+    variance, gain = (values.astype(np.float64) for values in lattice_gaussian(variance_mm2, at_texel_mm2))
     out = np.zeros((len(position), texels.radiosity.shape[1]))
     _integrate(
-        position, normal, CUT_SIGMA * np.sqrt(here.astype(np.float64)), texels.position, texels.normal, own, gain, area_mm2,
+        position, normal, variance, gain, CUT_SIGMA, texels.position, texels.normal, area_mm2,
         texels.radiosity, texels.row_start, texels.origin.astype(np.float64), float(texels.cell), texels.rows_y,
         texels.rows_z, separate, normalise, 1 / (2 * np.pi * variance_mm2), out,
     )  # fmt: skip
@@ -66,14 +64,14 @@ def reference_integral(
 
 @njit(cache=True, parallel=True)
 def _integrate(  # type: ignore[no-untyped-def]
-    position, normal, reach, source, source_normal, variance, gain, area, radiosity,
+    position, normal, variance, gain, cut, source, source_normal, area, radiosity,
     row_start, origin, cell, rows_y, rows_z, separate, normalise, density, out,
 ):  # fmt: skip
     channels = radiosity.shape[1]
     for p in prange(len(position)):
         x, y, z = np.float64(position[p, 0]), np.float64(position[p, 1]), np.float64(position[p, 2])
         n0, n1, n2 = np.float64(normal[p, 0]), np.float64(normal[p, 1]), np.float64(normal[p, 2])
-        r = reach[p]
+        r = cut * np.sqrt(variance[p])
         total = 0.0
         for row_z in range(
             max(int(np.floor((z - r - origin[2]) / cell)), 0), min(int(np.floor((z + r - origin[2]) / cell)), rows_z - 1) + 1
@@ -99,7 +97,7 @@ def _integrate(  # type: ignore[no-untyped-def]
                     d2 = dx * dx + dy * dy + dz * dz
                     if d2 > r * r:
                         continue
-                    w = area[s] * gain[s] * np.exp(-d2 / (2.0 * variance[s]))
+                    w = area[s] * np.exp(-d2 / (2.0 * variance[p]))
                     if separate and d2 > 0:
                         m0, m1, m2 = source_normal[s, 0], source_normal[s, 1], source_normal[s, 2]
                         w *= passes(
@@ -113,6 +111,6 @@ def _integrate(  # type: ignore[no-untyped-def]
                         out[p, c] += w * radiosity[s, c]
         for c in range(channels):
             if not normalise:
-                out[p, c] *= density
+                out[p, c] *= density * gain[p]
             elif total > 0:
                 out[p, c] /= total

@@ -1,10 +1,10 @@
 """Method `surface`: Gaussian sums over area-weighted clusters of skin in three dimensions; no seams, stretch or tiles.
 
-At a target x:  M(x) = sum_j w_j E_j / sum_j w_j,   w_j = A_j v/v_j exp(-|x - x_j|^2 / 2 v_j) passes(x, j),  v_j = v - s_j^2.
+At a target x:  M(x) = sum_j w_j E_j / sum_j w_j,   w_j = A_j k_j exp(-|x - x_j|^2 k_j / 2 v) passes(x, j),  k_j = v/(v - s_j^2).
 
 Moving the light of a cluster to its centroid is a blur of its own, by the cluster's spread s_j^2 (variance along each
-tangent direction), so each cluster spreads by that much less. A single texel narrower than the lobe has v_j = v; where the
-texel is coarser than the lobe, v_j is widened so that the lattice of texels still spreads light by v (`lattice_gaussian`).
+tangent direction), so each cluster spreads by that much less: a single texel has k_j = 1. Where texels are coarser than the
+lobe, v is widened at the target, so that their lattice still spreads light by v (`lattice_gaussian`).
 
 Distances are straight lines, as the dipole integral wants [Jensen2002]; `separate` keeps what faces across air apart.
 Row normalisation keeps constant light constant. It does not keep each light's total exactly; a symmetric, doubly
@@ -22,15 +22,15 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
 from skinbake.diffuse.clusters import Clusters, MomentPyramid, cut_clusters, moment_pyramid
-from skinbake.diffuse.gather import EXPONENT_STEPS, gather, make_batches
+from skinbake.diffuse.gather import gather, make_batches
 from skinbake.diffuse.lattice import lattice_gaussian
 from skinbake.diffuse.points import TexelPoints, texel_points
 from skinbake.diffuse.rows import SourceRows, sort_into_rows
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
-SPACING = 1.2  # widest cluster, in sigma: side of the square whose spread it may have
-CUT_SIGMA = 4.0  # normalised, what lies beyond changes M by less than 3e-4 of the local contrast
+SPACING = 0.8  # widest cluster, in sigma: side of the square whose spread it may have
+CUT_SIGMA = 3.5  # measured: what lies beyond changes no error by a tenth, as the sums are normalised
 _BLOCK = 4
 _LEVELS = 9
 
@@ -56,10 +56,9 @@ class SurfaceLight:
 
     @cached_property
     def mean_texel_mm2(self) -> float:
-        """Mean over the skin of the area that a texel spans."""
+        """Skin area over the number of texels that show it."""
         area = sum(float(p.area_mm2.sum(dtype=np.float64)) for p, _, _ in self.tiles)
-        moment = sum(float(np.dot(p.area_mm2.astype(np.float64), p.texel_mm2)) for p, _, _ in self.tiles)
-        return moment / area if area > 0 else 0.0
+        return area / max(1, sum(int(np.count_nonzero(p.area_mm2)) for p, _, _ in self.tiles))
 
     @cached_property
     def texels(self) -> tuple[Clusters, SourceRows]:
@@ -74,7 +73,7 @@ class LobeSources:
     """Sources of one lobe, and how far a target looks."""
 
     rows: SourceRows
-    rate: NDArray[np.float32]
+    narrowing: NDArray[np.float32]
     amplitude: NDArray[np.float32]
     variance_mm2: float
     cut: float
@@ -111,18 +110,15 @@ def lobe_sources(light: SurfaceLight, variance_mm2: float, spacing: float = SPAC
         Radius of the sum in sigma.
     """
     max_spread = spacing**2 / 12 * variance_mm2
-    if max_spread < light.mean_texel_mm2 / 4:  # the spread of four texels: most blocks would be single texels
+    if max_spread < light.mean_texel_mm2 / 16:  # a quarter of the spread of four texels: most would stand alone
         clusters, rows = light.texels
     else:
         clusters = cut_clusters(light.tiles, max_spread)
         rows = sort_into_rows(clusters.position, clusters.normal, clusters.radiosity, cut * np.sqrt(variance_mm2) / 3)
-    own, gain = lattice_gaussian(variance_mm2, clusters.texel_mm2)
-    narrower = variance_mm2 - clusters.spread_mm2  # the spread of a texel is 0, of a block at most spacing^2/12 v
-    own = np.where(clusters.texel_mm2 > 0, own, narrower)
-    amplitude = clusters.area_mm2 * np.where(clusters.texel_mm2 > 0, gain, np.float32(variance_mm2) / narrower)
+    narrowing = (variance_mm2 / (variance_mm2 - clusters.spread_mm2.astype(np.float64))).astype(np.float32)
+    amplitude = clusters.area_mm2 * narrowing
     scale = float(amplitude.max(initial=0)) or 1.0
-    rate = (1 / (2 * EXPONENT_STEPS * own[rows.order])).astype(np.float32)
-    return LobeSources(rows, rate, (amplitude[rows.order] / scale).astype(np.float32), variance_mm2, cut, scale)
+    return LobeSources(rows, narrowing[rows.order], amplitude[rows.order] / np.float32(scale), variance_mm2, cut, scale)
 
 
 def evaluate(
@@ -135,17 +131,18 @@ def evaluate(
 ) -> None:
     """Write M at each point into `out` (texels, C), at row `points.flat_index`; rows without any source stay as they are."""
     # Where texels are coarser than the lobe, their lattice spreads light as far as the next texel
-    lattice, _ = lattice_gaussian(sources.variance_mm2, points.texel_mm2)
-    reach = np.float32(sources.cut) * np.sqrt(lattice)
-    near = sources.cut * np.sqrt(sources.variance_mm2) + 4 * np.sqrt(points.texel_mm2.mean() if len(lattice) else 0.0)
+    variance, gain = lattice_gaussian(sources.variance_mm2, points.texel_mm2)
+    near = sources.cut * np.sqrt(sources.variance_mm2) + 4 * np.sqrt(np.median(points.texel_mm2) if len(variance) else 0.0)
     batches = make_batches(points.row, _BLOCK, points.position, np.float32(near))
     rows = sources.rows
     if weight is None:
         weight = np.zeros(len(out), np.float32)
     scale = 0.0 if normalise else sources.amplitude_scale / (2 * np.pi * sources.variance_mm2)
     gather(
-        batches, points.position, points.normal, reach, points.flat_index, rows.position, sources.rate, sources.amplitude,
-        rows.normal, rows.radiosity, rows.row_start, rows.origin, rows.cell, rows.rows_y, rows.rows_z, separate, np.float32(scale), out, weight,
+        batches, points.position, points.normal, variance, gain, points.flat_index, rows.position,
+        sources.narrowing, sources.amplitude,
+        rows.normal, rows.radiosity, rows.row_start, rows.origin, rows.cell, rows.rows_y, rows.rows_z,
+        np.float32(sources.cut), separate, np.float32(scale), out, weight,
     )  # fmt: skip
 
 

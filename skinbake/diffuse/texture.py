@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, first_fundamental_form
+from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
 from skinbake.diffuse.separable import decimate, decimation_weights, masked_light, normalised_blur
@@ -93,24 +93,15 @@ def texture_pyramid(light: NDArray[np.float32], coverage: NDArray[np.float32]) -
 
 
 def mean_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> tuple[float, float]:
-    """Area-weighted mean length of a step along (row, column), mm; `size` is (height, width).
+    """Mean over the charts' area of the length of a step along (row, column), mm; `size` is (height, width).
 
-    Faces stretched more than ten times the median are left out: a sliver in UV has no length worth averaging.
+    Weighted by area in UV, that is by texel: a sliver in UV, stretched a thousandfold, has no say.
     """
-    form, area = first_fundamental_form(mesh), mesh.face_area_mm2
-    known = (form[:, 0] > 0) & (form[:, 2] > 0) & (area > 0)
-    if not known.any():
-        raise ValueError("mean_mm_per_texel: expected a mesh with some area in space and in UV")
-    along_u, along_v = (_mean_without_outliers(np.sqrt(form[known, k]), area[known]) for k in (0, 2))
+    form, weight = first_fundamental_form(mesh), np.abs(signed_uv_area(mesh))
+    if not weight.sum() > 0:
+        raise ValueError("mean_mm_per_texel: expected a mesh with some area in UV")
+    along_u, along_v = (float(np.average(np.sqrt(form[:, k]), weights=weight)) for k in (0, 2))
     return along_v / size[0], along_u / size[1]
-
-
-def _mean_without_outliers(length: Float, weight: Float) -> float:
-    order = np.argsort(length, kind="stable")
-    total = np.cumsum(weight[order])
-    median = length[order[np.searchsorted(total, 0.5 * total[-1])]]
-    kept = length <= 10 * median
-    return float(np.average(length[kept], weights=weight[kept]))
 
 
 def widest_level(variance_texels2: tuple[float, float]) -> int:
