@@ -1,0 +1,71 @@
+"""The UV report counts what it says it counts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinbake.atlas import rasterize, report_picture, uv_report
+from tests.shapes import joined, quad, sphere
+
+
+def reported(mesh, size=(80, 60), udim=False):
+    atlas = rasterize(mesh, size, udim=udim)
+    return uv_report(mesh, atlas), atlas
+
+
+@pytest.mark.parametrize("layout", ["latlong", "cube"])
+def test_a_clean_sphere_has_no_faults(layout):
+    """A closed sphere: size, area, no open edge, nothing flipped, overlapping or outside."""
+    report, _ = reported(sphere(90.0, layout))
+    assert report.extent_mm == pytest.approx((180, 180, 180), rel=1e-3)
+    assert report.area_mm2 == pytest.approx(4 * np.pi * 90**2, rel=5e-3)
+    assert (report.open_edges, report.inside_out) == (0, False)
+    assert (report.overlapping, report.flipped, report.degenerate, report.outside) == (0, 0, 0, 0)
+    assert report.faults == ()
+
+
+def test_overlap_share_is_the_shared_area():
+    """Two quads that share a third of their UVs: both count wholly as triangles, and the share says so."""
+    mesh = joined(quad(100, 100, uv_box=(0, 0, 0.6, 1)), quad(100, 100, 50, uv_box=(0.4, 0, 1, 1)))
+    report, atlas = reported(mesh)
+    assert report.overlapping == 4
+    assert report.overlapping_share == pytest.approx(1)
+    assert any("share texels" in fault for fault in report.faults)
+    (picture,) = report_picture(report, atlas)
+    assert picture.shape == (60, 80, 3)
+    assert (picture[atlas[0].covered] == [214, 39, 40]).all()
+
+
+def test_quads_that_only_touch_do_not_overlap():
+    """A shared chart border, even through texel centres, is no overlap."""
+    mesh = joined(quad(100, 100, uv_box=(0, 0, 0.5, 1)), quad(100, 100, 50, uv_box=(0.5, 0, 1, 1)))
+    assert reported(mesh, (81, 61))[0].overlapping == 0
+    assert reported(quad(columns=9, rows=7), (63, 63))[0].overlapping == 0
+
+
+def test_tiles_are_inside_only_with_udim():
+    """The second tile's charts lie outside a single texture, and inside a UDIM set."""
+    mesh = sphere(90.0, "cube", tiles=2)
+    single, _ = reported(mesh)
+    assert 0.3 < single.outside_share < 0.7
+    assert any("texture.udim" in fault for fault in single.faults)
+    assert reported(mesh, udim=True)[0].faults == ()
+
+
+def test_texel_size_and_stretch():
+    """300 x 60 mm over 100 x 40 texels: 3 by 1.5 mm; a UV circle is stretched five to one."""
+    report, _ = reported(quad(300, 60, columns=3, rows=3), (100, 40))
+    assert report.mm_per_texel == pytest.approx((np.sqrt(4.5),) * 3)
+    assert report.stretch_95 == pytest.approx(5)
+    assert report.open_edges == 12
+
+
+def test_inside_out_only_where_it_encloses():
+    """A turned sphere faces inwards; a turned open quad cannot be told."""
+    ball = sphere(90.0)
+    turned = type(ball)(ball.positions_mm, ball.faces[:, ::-1].copy(), ball.corner_uv[:, ::-1], ball.corner_normal)
+    assert reported(turned)[0].inside_out
+    sheet = quad()
+    turned = type(sheet)(sheet.positions_mm, sheet.faces[:, ::-1].copy(), sheet.corner_uv[:, ::-1], sheet.corner_normal)
+    assert not reported(turned)[0].inside_out
