@@ -16,9 +16,9 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from sample_head import charts, paint, surface, texels, unwrap  # noqa: E402
-from sample_head.anatomy import head_field  # noqa: E402
-from sample_head.obj import write_obj  # noqa: E402
+from sample_head import charts, paint, surface, texels, unwrap
+from sample_head.anatomy import head_field
+from sample_head.obj import write_obj
 
 STEP_MM = 0.7
 TRIANGLES = 60000

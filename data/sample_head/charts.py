@@ -9,7 +9,7 @@ from sample_head.clay import smooth_max, smoothstep
 
 HEAD, CAP, EAR_FRONT, EAR_BACK = 0, 1, 2, 4  # ears: + 1 on the head's right side
 EAR_COLLAR = 3.0  # mm
-BACK_SEAM_FRONT = -2.0  # the seam over the back of the head starts on the crown, at this z
+BACK_SEAM_FRONT = 22.0  # the seam over the back of the head starts on the crown, at this z
 
 
 def ear_value(points):

@@ -4,8 +4,12 @@ Points are given as three arrays x, y, z in millimetres; every function returns 
 Negative is inside. Distances are exact for tubes and close enough elsewhere for blends of a few millimetres.
 """
 
+import itertools
+from functools import cache
+
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.ndimage import gaussian_filter1d
 
 
 def smooth_min(a, b, k):
@@ -30,12 +34,23 @@ def along(knots, values):
     return PchipInterpolator(knots, values, extrapolate=True)
 
 
-def table_column(table, column):
-    """Spline of one column of a table whose first column is the height, any order of rows."""
+@cache
+def _column(table, column, soften_mm):
     rows = np.asarray(sorted(table), float)
-    inner = along(rows[:, 0], rows[:, column])
     low, high = rows[0, 0], rows[-1, 0]
-    return lambda y: inner(np.clip(y, low, high))
+    curve = PchipInterpolator(rows[:, 0], rows[:, column])
+    if soften_mm:
+        knots = np.linspace(low, high, int(high - low) + 1)
+        curve = CubicSpline(
+            knots, gaussian_filter1d(curve(knots), soften_mm * (len(knots) - 1) / (high - low), mode="nearest")
+        )
+    return low, high, curve
+
+
+def table_column(table, column, soften_mm=0.0):
+    """Curve through one column of a table whose first column is the height, its bends softened over `soften_mm`."""
+    low, high, curve = _column(tuple(table), column, soften_mm)
+    return lambda y: curve(np.clip(y, low, high))
 
 
 def ellipsoid(x, y, z, centre, radii):
@@ -55,7 +70,7 @@ def spline_points(points, steps=6, closed=False):
     chord = np.linalg.norm(np.diff(points[:, : min(3, points.shape[1])], axis=0), axis=1)
     t = np.concatenate([[0.0], np.cumsum(np.sqrt(chord))])
     curve = CubicSpline(t, points, bc_type="periodic" if closed else "natural")
-    fine = np.concatenate([np.linspace(a, b, steps, endpoint=False) for a, b in zip(t[:-1], t[1:], strict=True)])
+    fine = np.concatenate([np.linspace(a, b, steps, endpoint=False) for a, b in itertools.pairwise(t)])
     fine = fine if closed else np.append(fine, t[-1])
     return curve(fine)
 
@@ -66,13 +81,11 @@ def near_curve(x, y, z, path, reach):
     `path` is an (M, 3 + K) array of samples joined by straight segments.
     """
     low, high = path[:, :3].min(0) - reach, path[:, :3].max(0) + reach
-    index = np.flatnonzero(
-        (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]) & (z > low[2]) & (z < high[2])
-    )
+    index = np.flatnonzero((x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]) & (z > low[2]) & (z < high[2]))
     p = np.stack([x[index], y[index], z[index]], axis=1)
     best = np.full(len(index), np.inf)
     extra = np.zeros((len(index), path.shape[1] - 3))
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in itertools.pairwise(path):
         ab = b[:3] - a[:3]
         t = np.clip((p - a[:3]) @ ab / max(ab @ ab, 1e-12), 0.0, 1.0)
         d = np.linalg.norm(p - a[:3] - t[:, None] * ab, axis=1)

@@ -5,7 +5,11 @@ import numpy as np
 
 def write_obj(path, vertices, uv, normals, faces, corner_uv):
     """One shared `v` and `vn` a vertex, `vt` split at the seams; 1e-3 mm, 1e-6 in UV."""
-    lines = ["# skinbake sample head: millimetres, y up, face toward +z, x to the head's left", "# our own work, MIT", "o head"]
+    lines = [
+        "# skinbake sample head: millimetres, y up, face toward +z, x to the head's left",
+        "# our own work, MIT",
+        "o head",
+    ]
     lines += [f"v {x:.3f} {y:.3f} {z:.3f}" for x, y, z in vertices]
     lines += [f"vt {u:.6f} {v:.6f}" for u, v in uv]
     lines += [f"vn {x:.4f} {y:.4f} {z:.4f}" for x, y, z in normals]

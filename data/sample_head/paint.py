@@ -15,16 +15,37 @@ from sample_head.clay import near_curve, smoothstep, spline_points
 LATTICE = 96
 
 # Linear albedo of the bare skin, and what melanin and blood take from it (log units per unit of pigment).
-BASE = np.array([0.545, 0.325, 0.228])
+BASE = np.array([0.570, 0.335, 0.232])
 MELANIN = np.array([0.42, 0.72, 1.0])
 BLOOD = np.array([0.14, 0.92, 0.82])
-HAIR = np.array([0.030, 0.019, 0.013])
+HAIR = np.array([0.034, 0.020, 0.013])
 
 # Hair line in side view (z, y), closed far above the head.
-HAIR_LINE = [(130, 187), (84, 187), (73, 181), (62, 166), (52, 152), (40, 144), (28, 138), (25, 120), (22, 102), (13, 100),
-             (11, 122), (6, 139), (-12, 141), (-24, 122), (-27, 92), (-30, 66), (-48, 50), (-80, 46), (-140, 46), (-140, 260), (130, 260)]
+HAIR_LINE = [
+    (130, 187),
+    (84, 187),
+    (73, 181),
+    (62, 166),
+    (52, 152),
+    (40, 144),
+    (28, 138),
+    (25, 120),
+    (22, 102),
+    (13, 100),
+    (11, 122),
+    (6, 139),
+    (-12, 141),
+    (-24, 122),
+    (-27, 92),
+    (-30, 66),
+    (-48, 50),
+    (-80, 46),
+    (-140, 46),
+    (-140, 260),
+    (130, 260),
+]
 # Brow: x, y, half height, of the left one.
-BROW = [(11.5, 129.0, 3.6), (18, 131.8, 4.2), (28, 134.6, 3.8), (38, 135.8, 3.0), (46, 133.8, 2.2), (53, 129.6, 1.0)]
+BROW = [(12.5, 130.2, 3.0), (19, 132.0, 3.7), (28, 134.0, 3.5), (38, 135.2, 2.8), (46, 133.6, 2.0), (53, 129.8, 0.9)]
 
 
 def noise(points, period_mm, seed):
@@ -53,10 +74,11 @@ def sides(q):
     return np.abs(q[:, 0]), q[:, 1], q[:, 2]
 
 
-def curve_mask(q, points, reach):
+def curve_mask(q, points, reach, depth=1.0):
     """Distance to a curve of the left half (and its mirror image), `reach` or more counted as `reach`."""
     x, y, z = sides(q)
-    path = spline_points(np.asarray(points, float)[:, :3])
+    z = depth * z
+    path = spline_points(np.asarray(points, float)[:, :3] * [1, 1, depth])
     index, distance, _ = near_curve(x, y, z, path, reach)
     out = np.full(len(q), float(reach))
     out[index] = np.minimum(distance, reach)
@@ -72,29 +94,36 @@ class Zones:
         self.q, self.position = q, position
         wobble = layered(position, (9, 4, 1.8), (1, 0.6, 0.35), 100)
         self.ear = smoothstep(-1.5, 1.5, ear_value(position))
-        upper, lower, full, _ = anatomy.lip_coordinates(q[:, 0], y)
+        upper, lower, _full, _ = anatomy.lip_coordinates(q[:, 0], y)
         along = smoothstep(anatomy.MOUTH_HALF - 0.5, anatomy.MOUTH_HALF - 5.0, x + 0.4 * wobble)
         jag = 0.05 * wobble
-        self.lips = along * (z > 66) * smoothstep(1.14, 0.93, upper + jag) * smoothstep(1.12, 0.9, lower + jag)
+        self.lips = along * (z > 66) * smoothstep(1.18, 0.88, upper + jag) * smoothstep(1.18, 0.85, lower + jag)
         self.mouth_line = curve_mask(q, [(a, b, 97 - 0.022 * a * a) for a, b, _ in anatomy.MOUTH_LINE], 8.0)
         self.lid = blob(q, (31, 112, 84), (13, 7.5, 12))
         self.socket = blob(q, (31, 113, 82), (19, 12, 14))
         self.under_eye = blob(q, (27, 101, 80), (12, 4.5, 10))
         self.inner_eye = blob(q, (17, 111, 79), (4.5, 6, 8))
-        self.slit = curve_mask(q, anatomy.LID_SLIT, 6.0)
-        self.crease = curve_mask(q, anatomy.LID_CREASE, 6.0)
+        self.slit = np.where(z > 60, curve_mask(q, anatomy.LID_SLIT, 6.0, anatomy.LID_DEPTH), 6.0)
+        self.crease = np.where(z > 60, curve_mask(q, anatomy.LID_CREASE, 6.0, anatomy.LID_DEPTH), 6.0)
         self.cheek = blob(q, (44, 84, 72), (17, 15, 18))
         self.nose = blob(q, (0, 81, 110), (13, 9, 12))
         self.wing = blob(q, (15.5, 77, 96), (5, 7, 7))
         self.alar_crease = blob(q, (19, 76, 91), (2.6, 7, 5))
         self.chin = blob(q, (0, 14, 94), (15, 9, 14))
         self.forehead = smoothstep(138, 150, y) * smoothstep(55, 80, z)
-        self.t_zone = np.maximum(self.forehead * np.exp(-0.5 * (x / 30) ** 2), np.exp(-0.5 * (x / 11) ** 2) * smoothstep(68, 78, y) * (z > 60))
+        self.t_zone = np.maximum(
+            self.forehead * np.exp(-0.5 * (x / 30) ** 2),
+            np.exp(-0.5 * (x / 11) ** 2) * smoothstep(68, 78, y) * (z > 60),
+        )
         self.neck = smoothstep(8, -6, y - 0.18 * np.maximum(60 - z, 0)) * smoothstep(95, 70, z)
-        edge = anatomy.polygon_distance(z + 2.0 * wobble, y + 1.2 * wobble, HAIR_LINE, smooth=False)
-        self.scalp = smoothstep(5.0, -7.0, edge) * (1 - self.ear)
-        beard = smoothstep(4, -10, y - 66 + 0.45 * np.maximum(60 - z, 0) - 8 * smoothstep(30, 60, x)) * smoothstep(0, 22, z)
-        self.beard = np.maximum(beard, blob(q, (9, 63, 96), (13, 5.5, 10))) * (1 - self.lips) * smoothstep(-22, -4, y + 0.1 * z)
+        edge = anatomy.polygon_distance(z + 2.2 * wobble, y + 2.0 * wobble, HAIR_LINE, smooth=False)
+        self.scalp = smoothstep(6.0, -11.0, edge) * (1 - self.ear)
+        beard = smoothstep(4, -10, y - 66 + 0.45 * np.maximum(60 - z, 0) - 8 * smoothstep(30, 60, x)) * smoothstep(
+            0, 22, z
+        )
+        self.beard = (
+            np.maximum(beard, blob(q, (9, 63, 96), (13, 5.5, 10))) * (1 - self.lips) * smoothstep(-22, -4, y + 0.1 * z)
+        )
         self.upright = normal[:, 1]
 
 
@@ -113,16 +142,19 @@ def dots(position, centres, radius, depth):
     return np.where(np.isfinite(distance), value, 0.0).sum(1)
 
 
-def strokes(position, where, roots, tips_offset, bend, width, samples):
+def strokes(position, where, roots, tips_offset, bend, width, samples, lay=None):
     """How much of each texel hair covers, 0 to 1. Hairs are arcs from `roots` along `tips_offset`, laid on the skin.
 
-    `where` are the texels that can be covered; the hairs are pressed onto those texels' surface.
+    `where` are the texels that can be covered. `lay` sets places of the front view on the skin (`depth_from_front`);
+    without it the hairs are pressed halfway to the nearest skin.
     """
     t = np.linspace(0, 1, samples)
     line = roots[:, None] + tips_offset[:, None] * t[None, :, None] + bend[:, None] * (t * (1 - t))[None, :, None]
     line = line.reshape(-1, 3)
-    skin = cKDTree(position[where])
-    line = position[where][skin.query(line, workers=-1)[1]] * 0.5 + line * 0.5
+    if lay is None:
+        line = (position[where][cKDTree(position[where]).query(line, workers=-1)[1]] + line) / 2
+    else:
+        line = lay(line[:, :2])
     thick = np.repeat(width, samples) * np.tile(1 - 0.75 * t**2, len(roots))
     distance, index = cKDTree(line).query(position[where], k=6, distance_upper_bound=1.2, workers=-1)
     safe = np.minimum(index, len(line) - 1)
@@ -136,30 +168,39 @@ def strokes(position, where, roots, tips_offset, bend, width, samples):
     return out
 
 
+def depth_from_front(q):
+    """Function that sets places of the front view, (N, 2), on the skin: (N, 3)."""
+    tree = cKDTree(q[:, :2])
+    return lambda p: np.column_stack([p, q[tree.query(p)[1], 2]])
+
+
 def brow_hair(zones):
     """Cover of the brows: a few hundred single hairs that rise from the inner end and lie down along the ridge."""
     q = zones.q
     where = np.flatnonzero((np.abs(q[:, 0]) < 64) & (np.abs(q[:, 1] - 131) < 16) & (q[:, 2] > 45))
-    flat = cKDTree(q[where][:, :2])
+    depth = depth_from_front(q[where])
     cover = np.zeros(len(q))
     for side in (1, -1):
         rng = np.random.default_rng(20 + side)
-        n = 560
+        n = 470
         path = spline_points(BROW, 12)
         s = rng.beta(1.0, 1.15, n)
         place = np.stack([np.interp(s, np.linspace(0, 1, len(path)), path[:, c]) for c in range(3)], 1)
         across = np.clip(rng.normal(0, 0.5, n), -1, 1)
         x = place[:, 0] + rng.normal(0, 0.7, n)
         y = place[:, 1] + across * place[:, 2]
-        angle = np.radians(np.interp(s, [0, 0.12, 0.35, 0.65, 1], [82, 60, 28, 4, -24]) - 22 * across * smoothstep(0.05, 0.4, s) + rng.normal(0, 7, n))
+        angle = np.radians(
+            np.interp(s, [0, 0.12, 0.35, 0.65, 1], [70, 48, 22, 2, -24])
+            - 22 * across * smoothstep(0.05, 0.4, s)
+            + rng.normal(0, 7, n)
+        )
         length = np.interp(s, [0, 0.25, 0.7, 1], [5.5, 8.0, 8.5, 6.0]) * rng.uniform(0.7, 1.1, n)
         step = np.stack([np.cos(angle), np.sin(angle)], 1) * length[:, None]
         ends = np.stack([x, y], 1) + step
-        z = lambda p: q[where][flat.query(p * [side, 1])[1], 2]  # noqa: B023, E731
-        root = np.column_stack([side * x, y, z(np.stack([x, y], 1))])
-        tip = np.column_stack([side * ends[:, 0], ends[:, 1], z(ends)])
+        root = depth(np.column_stack([side * x, y]))
+        tip = depth(ends * [side, 1])
         bend = np.column_stack([side * rng.uniform(0, 1.5, n), rng.uniform(-1.0, 0.2, n), np.zeros(n)])
-        cover = np.maximum(cover, strokes(q, where, root, tip - root, bend, rng.uniform(0.13, 0.21, n), 40))
+        cover = np.maximum(cover, strokes(q, where, root, tip - root, bend, rng.uniform(0.11, 0.18, n), 40, depth))
     return cover
 
 
@@ -167,6 +208,7 @@ def lash_hair(zones):
     """Cover of the lashes along the closed slit."""
     q = zones.q
     where = np.flatnonzero((zones.slit < 5.9) & (q[:, 2] > 60))
+    depth = depth_from_front(q[where])
     path = spline_points(np.asarray(anatomy.LID_SLIT)[1:, :3], 10)
     cover = np.zeros(len(q))
     for side in (1, -1):
@@ -174,14 +216,14 @@ def lash_hair(zones):
         n = 95
         s = np.sort(rng.random(n))
         root = np.stack([np.interp(s, np.linspace(0, 1, len(path)), path[:, c]) for c in range(3)], 1)
-        root[:, 1] += rng.normal(0.2, 0.15, n)
+        root[:, 1] += rng.normal(-0.1, 0.15, n)
         angle = np.radians(np.interp(s, [0, 0.5, 1], [-112, -88, -48]) + rng.normal(0, 7, n))
         length = np.interp(s, [0, 0.4, 0.85, 1], [1.8, 3.2, 4.6, 3.6]) * rng.uniform(0.75, 1.1, n)
-        step = np.column_stack([np.cos(angle) * length, np.sin(angle) * length, -0.1 * length])
-        root[:, 0] *= side
-        step[:, 0] *= side
+        tip = depth((root[:, :2] + np.column_stack([np.cos(angle), np.sin(angle)]) * length[:, None]) * [side, 1])
+        root = depth(root[:, :2] * [side, 1])
+        step = tip - root
         bend = np.column_stack([np.zeros(n), -0.5 * np.ones(n), np.zeros(n)])
-        cover = np.maximum(cover, strokes(q, where, root, step, bend, rng.uniform(0.12, 0.18, n), 24))
+        cover = np.maximum(cover, strokes(q, where, root, step, bend, rng.uniform(0.11, 0.16, n), 24, depth))
     return cover
 
 
@@ -192,7 +234,14 @@ def scalp_hair(zones, area):
     n = 120000
     pick = where[scatter_points(zones.position[where], zones.scalp[where] ** 1.5 * area[where], n, 61)]
     root = zones.position[pick]
-    flow = np.stack([0.25 * np.sign(root[:, 0]), -0.35 - 0.5 * smoothstep(215, 150, root[:, 1]), 0.8 * smoothstep(-80, 10, root[:, 2])], 1)
+    flow = np.stack(
+        [
+            0.25 * np.sign(root[:, 0]),
+            -0.35 - 0.5 * smoothstep(215, 150, root[:, 1]),
+            0.8 * smoothstep(-80, 10, root[:, 2]),
+        ],
+        1,
+    )
     flow = flow + rng.normal(0, 0.28, (n, 3))
     length = rng.uniform(0.7, 1.4, n) * (0.5 + 0.5 * zones.scalp[pick])
     step = flow / np.linalg.norm(flow, axis=1, keepdims=True) * length[:, None]
@@ -205,7 +254,12 @@ def stubble(zones, area):
     pick = where[scatter_points(zones.position[where], zones.beard[where] * area[where], 11000, 70)]
     rng = np.random.default_rng(71)
     cover = np.zeros(len(zones.q))
-    cover[where] = dots(zones.position[where], zones.position[pick], rng.uniform(0.13, 0.2, len(pick)), rng.uniform(0.25, 0.6, len(pick)))
+    cover[where] = dots(
+        zones.position[where],
+        zones.position[pick],
+        rng.uniform(0.13, 0.2, len(pick)),
+        rng.uniform(0.25, 0.6, len(pick)),
+    )
     return cover * zones.beard
 
 
@@ -223,11 +277,13 @@ def albedo(zones, hair, area):
     blood += 0.24 * zones.ear + 0.12 * zones.chin + 0.16 * zones.socket + 0.2 * zones.inner_eye + 0.1 * zones.lid
     blood += 0.12 * vessels * (zones.cheek + zones.nose + zones.wing)
     blood += -0.06 * zones.forehead - 0.03 * zones.neck
-    blood += zones.lips * (0.50 + 0.06 * mottle + 0.1 * noise(p, (0.9, 4, 4), 15))
+    blood += zones.lips * (0.38 + 0.06 * mottle + 0.1 * noise(p, (0.9, 4, 4), 15))
     blood += 0.3 * np.exp(-((zones.mouth_line / 1.2) ** 2)) * zones.lips
 
     melanin = 0.05 * layered(p, (30, 12), (1, 0.7), 20) + 0.03 * mottle + 0.022 * grain
-    melanin += 0.16 * zones.socket + 0.12 * zones.under_eye + 0.20 * zones.lips + 0.05 * zones.forehead + 0.06 * zones.neck
+    melanin += (
+        0.16 * zones.socket + 0.12 * zones.under_eye + 0.22 * zones.lips + 0.05 * zones.forehead + 0.06 * zones.neck
+    )
     melanin += 0.10 * np.exp(-((zones.crease / 1.5) ** 2)) + 0.22 * np.exp(-((zones.slit / 1.4) ** 2))
     melanin += spots(zones, area)
 
@@ -235,9 +291,11 @@ def albedo(zones, hair, area):
     # veins below the thin skin of the lids, shaved beard: both bluish
     colour *= 1 - zones.under_eye[:, None] * np.array([0.10, 0.06, 0.02])
     colour *= 1 - zones.beard[:, None] * np.array([0.085, 0.06, 0.045])
-    colour *= 1 - zones.scalp[:, None] * np.array([0.34, 0.33, 0.30])
+    colour *= 1 - zones.scalp[:, None] * np.array([0.46, 0.45, 0.42])
     lash_line = 0.75 * np.exp(-((zones.slit / 0.55) ** 2)) * smoothstep(5, 1, zones.slit)
-    dark = 1 - (1 - 0.9 * hair["brow"]) * (1 - 0.62 * hair["scalp"]) * (1 - 0.9 * hair["lash"]) * (1 - lash_line) * (1 - 0.45 * hair["beard"])
+    dark = 1 - (1 - 0.88 * hair["brow"]) * (1 - 0.55 * hair["scalp"]) * (1 - 0.9 * hair["lash"]) * (1 - lash_line) * (
+        1 - 0.45 * hair["beard"]
+    )
     tint = HAIR * (1 + 0.25 * noise(p, 2.0, 30))[:, None]
     return colour * (1 - dark[:, None]) + tint * dark[:, None]
 
@@ -250,9 +308,13 @@ def spots(zones, area):
     where = where * (1 - zones.lips) * (1 - zones.scalp) * (zones.q[:, 1] > -20) * (zones.q[:, 2] > -20)
     pick = scatter_points(p, where * area, 900, 81)
     freckles = dots(p, p[pick], rng.uniform(0.35, 1.0, 900), rng.uniform(0.04, 0.2, 900))
-    centres = np.array([(38, 62, 74), (-47, 88, 66), (-22, 152, 88), (52, 20, 30), (-30, 34, 74), (14, 88, 92), (-48, -6, 12)], float)
+    centres = np.array(
+        [(38, 62, 74), (-47, 88, 66), (-22, 152, 88), (52, 20, 30), (-30, 34, 74), (14, 88, 92), (-48, -6, 12)], float
+    )
     nearest = cKDTree(p).query(centres)[1]
-    moles = dots(p, p[nearest], np.array([1.1, 0.9, 0.8, 1.4, 0.7, 0.6, 1.5]), np.array([1.2, 0.9, 0.6, 1.0, 0.8, 0.5, 0.9]))
+    moles = dots(
+        p, p[nearest], np.array([1.1, 0.9, 0.8, 1.4, 0.7, 0.6, 1.5]), np.array([1.2, 0.9, 0.6, 1.0, 0.8, 0.5, 0.9])
+    )
     return freckles * (1 + 0.4 * noise(p, 0.7, 82)) + moles
 
 
@@ -277,7 +339,11 @@ def relief(zones, hair, area):
     height = 0.022 * (smoothstep(0.0, 0.45, d[:, 1] - d[:, 0]) - 0.5) * smooth_skin
     height += 0.020 * layered(p, (2.2, 1.1, 0.6), (1, 0.9, 0.7), 310) * (1 - 0.5 * zones.lips)
     # pores, larger on nose and cheeks
-    dense = (0.25 + zones.nose + zones.wing + 0.9 * zones.cheek + 0.5 * zones.forehead + 0.4 * zones.chin) * smooth_skin * (1 - 0.8 * zones.scalp)
+    dense = (
+        (0.25 + zones.nose + zones.wing + 0.9 * zones.cheek + 0.5 * zones.forehead + 0.4 * zones.chin)
+        * smooth_skin
+        * (1 - 0.8 * zones.scalp)
+    )
     dense = dense * (1 - 0.8 * zones.ear) * (1 - 0.5 * zones.neck)
     pick = scatter_points(p, dense * area, 34000, 320)
     size = rng.uniform(0.22, 0.34, len(pick)) + 0.06 * dense[pick].clip(0, 1.2)
@@ -295,9 +361,9 @@ def relief(zones, hair, area):
     under = np.abs(noise(q + np.stack([0 * q[:, 0], 0.25 * np.abs(q[:, 0]), 0 * q[:, 0]], 1), (8, 1.3, 8), 342))
     height -= 0.035 * np.exp(-((under / 0.3) ** 2)) * zones.under_eye
     # lips: creases across the lip, fanning to the corners
-    fan = np.stack([q[:, 0] * (1 + 0.0 * q[:, 1]), 0.35 * q[:, 1], 0.35 * q[:, 2]], 1)
-    crease = np.abs(noise(fan, 1.05, 350))
-    height += zones.lips * (0.035 * noise(fan, 1.9, 351) - 0.085 * np.exp(-((crease / 0.28) ** 2)))
+    fan = np.stack([q[:, 0] * (1 - 0.012 * np.abs(q[:, 1] - 47)), 0.10 * q[:, 1], 0.10 * q[:, 2]], 1)
+    crease = np.abs(noise(fan, 0.95, 350))
+    height += zones.lips * (0.035 * noise(fan, 1.9, 351) - 0.060 * np.exp(-((crease / 0.3) ** 2)))
     # rings of the neck
     ring = np.abs(noise(p, (30, 2.6, 30), 360))
     height -= 0.035 * np.exp(-((ring / 0.3) ** 2)) * zones.neck
@@ -335,5 +401,10 @@ def paint(texels):
     """All maps at the painted texels: linear albedo (T, 3), Beckmann roughness (T,), tangent normals (T, 3)."""
     zones = Zones(texels.position, texels.normal)
     area = np.linalg.norm(np.cross(texels.dp_du, texels.dp_dv), axis=1) * texels.inside
-    hair = {"brow": brow_hair(zones), "lash": lash_hair(zones), "scalp": scalp_hair(zones, area), "beard": stubble(zones, area)}
+    hair = {
+        "brow": brow_hair(zones),
+        "lash": lash_hair(zones),
+        "scalp": scalp_hair(zones, area),
+        "beard": stubble(zones, area),
+    }
     return albedo(zones, hair, area), roughness(zones, hair), tangent_normals(texels, relief(zones, hair, area))

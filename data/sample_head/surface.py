@@ -4,7 +4,7 @@ import fast_simplification
 import numpy as np
 from skimage.measure import marching_cubes
 
-from sample_head.tidy import collapse_short, flip_edges, spread
+from sample_head.tidy import collapse_short, drop_pillows, flip_edges, spread
 
 LOW, HIGH = np.array([-100.0, -30.0, -106.0]), np.array([100.0, 236.0, 126.0])
 
@@ -42,7 +42,9 @@ def largest_piece(vertices, faces):
     from scipy.sparse.csgraph import connected_components
 
     n = len(vertices)
-    link = coo_matrix((np.ones(2 * len(faces)), (np.r_[faces[:, 0], faces[:, 1]], np.r_[faces[:, 1], faces[:, 2]])), (n, n))
+    link = coo_matrix(
+        (np.ones(2 * len(faces)), (np.r_[faces[:, 0], faces[:, 1]], np.r_[faces[:, 1], faces[:, 2]])), (n, n)
+    )
     label = connected_components(link, directed=False)[1]
     keep = label == np.bincount(label).argmax()
     number = np.cumsum(keep) - 1
@@ -78,7 +80,7 @@ def simplify(vertices, faces, target):
 def build_mesh(field, step_mm, triangles):
     """Clean, adaptively fine mesh of the field: vertices (N, 3) in mm and faces (M, 3)."""
     vertices, faces = polygonise(field, step_mm)
-    vertices, faces = largest_piece(*simplify(project(field, vertices, 1), faces, triangles))
+    vertices, faces = largest_piece(*drop_pillows(*simplify(project(field, vertices, 1), faces, triangles)))
     for _ in range(4):
         vertices = project(field, vertices, 1)
         vertices, faces = collapse_short(vertices, faces, 0.3)

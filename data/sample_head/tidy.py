@@ -27,7 +27,8 @@ def collapse_short(vertices, faces, shortest_mm):
         ring = np.concatenate([faces[around(a)].ravel(), faces[around(b)].ravel()])
         if busy[ring].any():
             continue
-        if len(np.intersect1d(faces[around(a)], faces[around(b)])) != 4:  # a, b and the two corners opposite
+        common = np.intersect1d(faces[around(a)], faces[around(b)])
+        if len(common) != 4 or any(len(around(v)) <= 3 for v in common):  # a, b and the two corners opposite
             continue
         middle = (vertices[a] + vertices[b]) / 2
         touched = np.unique(np.concatenate([around(a), around(b)]))
@@ -42,6 +43,14 @@ def collapse_short(vertices, faces, shortest_mm):
         busy[ring] = True
     faces = into[faces]
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    used, faces = np.unique(faces, return_inverse=True)
+    return vertices[used], faces.reshape(-1, 3)
+
+
+def drop_pillows(vertices, faces):
+    """Remove pairs of faces that lie on each other, front to front, and vertices left without a face."""
+    _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
+    faces = faces[count[group] == 1]
     used, faces = np.unique(faces, return_inverse=True)
     return vertices[used], faces.reshape(-1, 3)
 
@@ -65,9 +74,17 @@ def flip_edges(vertices, faces, smooth_cosine=0.8):
     new1 = face_normals(vertices, np.stack([d, b, c], 1))
     mean = unit(face_normals(vertices, faces[f0]) + face_normals(vertices, faces[f1]))
     old_flat = (unit(face_normals(vertices, faces[f0])) * unit(face_normals(vertices, faces[f1]))).sum(1)
-    thin = np.minimum(np.linalg.norm(face_normals(vertices, faces[f0]), axis=1), np.linalg.norm(face_normals(vertices, faces[f1]), axis=1)) < 1e-3
+    thin = (
+        np.minimum(
+            np.linalg.norm(face_normals(vertices, faces[f0]), axis=1),
+            np.linalg.norm(face_normals(vertices, faces[f1]), axis=1),
+        )
+        < 1e-3
+    )
     ok = (excess > 0.02) & ((old_flat > smooth_cosine) | thin)
     ok &= ((unit(new0) * mean).sum(1) > smooth_cosine) & ((unit(new1) * mean).sum(1) > smooth_cosine)
+    valence = np.bincount(faces.ravel(), minlength=len(vertices))
+    ok &= (valence[a] > 4) & (valence[b] > 4)
     n = len(vertices)
     key = np.minimum(c, d) * n + np.maximum(c, d)
     ok &= ~np.isin(key, edges[:, 0] * n + edges[:, 1])

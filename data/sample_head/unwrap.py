@@ -16,11 +16,15 @@ EAR_SCALE = 1.1  # texels for the ears, against the rest
 
 
 def flat_triangles(points, faces):
-    """Each triangle laid flat: its edge vectors from corner 0 as columns, shape (F, 2, 2), and its area."""
+    """Each triangle laid flat: its edge vectors from corner 0 as columns, shape (F, 2, 2), and its area.
+
+    Slivers are laid a little fatter than they are, or round-off would turn them over.
+    """
     e1, e2 = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
     length = np.linalg.norm(e1, axis=1)
     x2 = (e1 * e2).sum(1) / length
     y2 = np.linalg.norm(np.cross(e1, e2), axis=1) / length
+    y2 = np.maximum(y2, 0.1 * np.maximum(length, np.hypot(x2, y2)))
     edge = np.zeros((len(faces), 2, 2))
     edge[:, 0, 0], edge[:, 0, 1], edge[:, 1, 1] = length, x2, y2
     return edge, 0.5 * length * y2
@@ -93,6 +97,8 @@ def even_out(faces, uv, flipped, rings):
     free, held = np.flatnonzero(move), np.flatnonzero(~move)
     laplace = (diags(np.asarray(link.sum(1)).ravel()) - link).tocsr()[free]
     uv = uv.copy()
+    if not len(free):
+        return uv
     uv[free] = solve(laplace[:, free], -(laplace[:, held] @ uv[held]))
     return uv
 
@@ -225,6 +231,6 @@ def lay_out(points, faces, label, corner, rounds=30):
     x = MARGIN * side
     for chart, size in zip(row, sizes, strict=True):
         ids, uv = flat[chart]
-        out[ids] = (uv + [x, MARGIN * side]) / side
+        out[ids] = (uv + np.array([x, MARGIN * side])) / side
         x += size + gap
     return out

@@ -88,9 +88,10 @@ def test_size_is_that_of_an_adult_head():
     """Height, depth, breadth, cheekbones, jaw, neck, nose and ears are within a tenth of the adult averages."""
     v = head()[0]
     assert 230 <= np.ptp(v[:, 1]) <= 260
-    wide = lambda low, high, back, front: 2 * measure(  # noqa: E731
-        lambda x, y, z: (y > low) & (y < high) & (z > back) & (z < front), 0
-    )
+
+    def wide(low, high, back, front):
+        return 2 * measure(lambda x, y, z: (y > low) & (y < high) & (z > back) & (z < front), 0)
+
     depth = measure(lambda x, y, z: (y > 125) & (y < 150) & (abs(x) < 5), 2) - v[:, 2].min()
     nose = measure(lambda x, y, z: (y > 70) & (y < 90) & (abs(x) < 4), 2) - measure(
         lambda x, y, z: (z > 60) & (y > 67) & (y < 71.5) & (abs(x) < 2), 2, np.min
@@ -107,6 +108,30 @@ def test_size_is_that_of_an_adult_head():
         assert got == pytest.approx(adult, rel=0.1), name
     assert 14 < nose < 24
     assert wide(60, 145, -40, 5) / 2 - 66 == pytest.approx(20, abs=4)  # ears stand out
+
+
+def test_surface_passes_through_the_landmarks():
+    """Brow, nose, mouth, chin, eyes and ears lie within 4 mm of where an adult has them."""
+    landmarks = {
+        "glabella": (0, 136, 98),
+        "nasion, 120 above the chin": (0, 120, 94),
+        "nose tip": (0, 80, 117.5),
+        "nose base, 50 below the nasion": (0, 69, 97),
+        "mouth": (0, 48, 97),
+        "chin": (0, 14, 95),
+    }
+    for side in (1, -1):
+        landmarks |= {
+            f"pupil, 63 apart {side}": (31.5 * side, 113, 85),
+            f"nose wing, 36 wide {side}": (18 * side, 76, 93),
+            f"mouth corner, 51 wide {side}": (25.5 * side, 47.5, 82),
+            f"cheekbone {side}": (68 * side, 102, 33),
+            f"jaw angle {side}": (56 * side, 30, 10),
+            f"ear rim, rear {side}": (86 * side, 108, -19),
+        }
+    v = head()[0]
+    away = {name: np.linalg.norm(v - place, axis=1).min() for name, place in landmarks.items()}
+    assert max(away.values()) < 4, away
 
 
 def test_mesh_is_one_closed_manifold_of_the_promised_fineness():
@@ -132,7 +157,8 @@ def test_mesh_is_one_closed_manifold_of_the_promised_fineness():
 def test_unwrap_has_no_flips_and_no_overlaps():
     """Every triangle has positive area in a unit square where no texel centre is covered twice."""
     vt = head()[1]
-    assert vt.min() >= 0 and vt.max() <= 1
+    assert vt.min() >= 0
+    assert vt.max() <= 1
     assert areas()[1].min() > 0
     count, _ = coverage(TEXTURE)
     assert count.max() == 1
@@ -145,19 +171,22 @@ def test_texels_are_about_the_same_size_everywhere():
     scale = np.sqrt(flat / skin)
     order = np.argsort(scale)
     share = np.cumsum(skin[order]) / skin.sum()
-    spread = lambda kept: np.diff(np.interp([(1 - kept) / 2, (1 + kept) / 2], share, scale[order], left=scale.min()))[0]  # noqa: E731
-    low = lambda kept: np.interp((1 - kept) / 2, share, scale[order])  # noqa: E731
-    assert 1 + spread(0.999) / low(0.999) < 4
-    assert 1 + spread(0.99) / low(0.99) < 3
+
+    def ratio(kept):
+        low, high = np.interp([(1 - kept) / 2, (1 + kept) / 2], share, scale[order])
+        return high / low
+
+    assert ratio(0.999) < 4
+    assert ratio(0.99) < 3
 
 
 def test_charts_are_few_and_apart_and_share_a_seam():
     """At most eight charts, eight texels apart at 1024, joined by seams whose positions are shared."""
-    v, vt, _, f = head()
+    v, vt, _, _f = head()
     number = charts().max() + 1
     assert 1 <= number <= 8
     assert len(vt) > len(v) + 300
-    edges, uses = edges_of(1)
+    _edges, uses = edges_of(1)
     assert (uses == 1).sum() > 600
     _, owner = coverage(TEXTURE)
     reach = 7
@@ -200,7 +229,9 @@ def test_albedo_is_that_of_skin_and_the_lips_are_redder():
     assert albedo.shape == (2048, 2048, 3)
     for place in ((30, 70, 84), (-30, 70, 84), (0, 155, 96)):
         r, g, b = albedo[texels_near(place, 12)].mean(0)
-        assert 0.4 < r < 0.62 and 0.2 < g < 0.38 and 0.13 < b < 0.28
+        assert 0.4 < r < 0.62
+        assert 0.2 < g < 0.38
+        assert 0.13 < b < 0.28
     skin, lips = albedo[texels_near((20, 60, 88), 6)].mean(0), albedo[texels_near((0, 42, 99), 5)].mean(0)
     assert lips[0] / lips[1] > 1.25 * skin[0] / skin[1]
     brow = albedo[texels_near((30, 134, 90), 4)].mean(0)
@@ -214,7 +245,9 @@ def test_roughness_is_lower_where_skin_is_oily():
     at = lambda place, r: m[texels_near(place, r)].mean()  # noqa: E731
     nose, lips, cheek, neck = at((0, 95, 105), 8), at((0, 42, 99), 5), at((45, 75, 70), 8), at((40, -15, 25), 8)
     assert lips < nose < cheek < neck
-    assert 0.18 <= lips < 0.26 and 0.33 < cheek < 0.42 and neck < 0.55
+    assert 0.18 <= lips < 0.26
+    assert 0.33 < cheek < 0.42
+    assert neck < 0.55
 
 
 def test_normals_are_unit_and_lean_little():
@@ -247,10 +280,13 @@ def test_maps_are_defined_past_the_charts():
 
 def test_registry_names_every_file_with_its_hash_and_licence():
     """registry.txt lists each committed file once, with the sha256 of its bytes and the MIT line."""
-    lines = [line.split(maxsplit=2) for line in (DATA / "registry.txt").read_text().splitlines() if line and line[0] != "#"]
+    lines = [
+        line.split(maxsplit=2) for line in (DATA / "registry.txt").read_text().splitlines() if line and line[0] != "#"
+    ]
     assert sorted(name for name, _, _ in lines) == ["albedo.png", "head.obj", "normal.png", "roughness.png"]
     for name, digest, licence in lines:
         assert hashlib.sha256((DATA / name).read_bytes()).hexdigest() == digest
-        assert "our own work" in licence and "MIT" in licence
+        assert "our own work" in licence
+        assert "MIT" in licence
         assert (DATA / name).stat().st_size < 8e6
     assert (DATA / "head.obj").stat().st_size < 6e6
