@@ -18,6 +18,7 @@ ORDER = [
     "diffuse",
     "pipeline",
     "compare",
+    "tradeoff",
     "preview",
     "io",
     "cli",

@@ -1,0 +1,119 @@
+"""tradeoff.png: error against seconds, log-log, the Pareto front drawn and labelled; markers differ in grey too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinbake.io.atomic import atomic_write
+from skinbake.tradeoff import LIMITS, Row, pareto_front
+
+# Shape and grey value differ as well as hue
+STYLES = {
+    "look": ("*", "#000000"),
+    "Gaussians": ("o", "#0072b2"),
+    "method": ("s", "#d55e00"),
+    "tolerance": ("^", "#009e73"),
+    "size": ("D", "#cc79a7"),
+    "storage": ("v", "#56b4e9"),
+    "shadow samples": ("P", "#e69f00"),
+    "together": ("X", "#444444"),
+    "term": ("o", "#999999"),
+    "model": ("s", "#555555"),
+}
+
+
+def write_chart(path: Path, title: str, rows: Sequence[Row]) -> None:
+    """Write the chart; the right panel shows what terms and models change, where they were measured."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    bakes = [row for row in rows if row.reference == "finest" and row.rms > 0]
+    physics = [row for row in rows if row.reference != "finest" and row.rms > 0]
+    figure, axes = pyplot.subplots(
+        1,
+        2 if physics else 1,
+        figsize=(14 if physics else 9, 6),
+        squeeze=False,
+        width_ratios=[3, 2] if physics else None,
+    )
+    _front(axes[0, 0], bakes)
+    axes[0, 0].set_title(title)
+    if physics:
+        _bars(axes[0, 1], physics)
+    figure.tight_layout()
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, dpi=110, metadata={"Software": None})
+    pyplot.close(figure)
+
+
+def _front(axes: Any, rows: Sequence[Row]) -> None:
+    for sweep in dict.fromkeys(row.sweep for row in rows):
+        marker, colour = STYLES.get(sweep, ("o", "#777777"))
+        mine = [row for row in rows if row.sweep == sweep]
+        axes.plot(
+            [row.seconds for row in mine], [row.rms for row in mine], marker, color=colour, label=sweep,
+            markersize=13 if marker == "*" else 7, markeredgecolor="black", markeredgewidth=0.6, zorder=3,
+        )  # fmt: skip
+    front = pareto_front(rows)
+    if front:
+        axes.step(
+            [r.seconds for r in front], [r.rms for r in front], "-", where="post", color="black", lw=1.2, zorder=2
+        )
+    _label(axes, front)
+    for limit in LIMITS:
+        axes.axhline(limit, color="0.8", lw=0.8, zorder=1)
+        axes.annotate(
+            f"{limit:.1%}", (1.0, limit), (-3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
+            ha="right", fontsize=7, color="0.4",
+        )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("seconds of the whole bake, without preview")
+    axes.set_ylabel("rms error of the diffuse light at common points")
+    _plain_ticks(axes, rows)
+    axes.legend(fontsize=8, loc="upper right", framealpha=0.9)
+
+
+def _plain_ticks(axes: Any, rows: Sequence[Row]) -> None:
+    """1, 2, 5 steps in plain numbers: powers of ten say little about a range of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis, form in ((axes.xaxis, lambda x, _: f"{x:g}"), (axes.yaxis, lambda y, _: f"{100 * y:g} %")):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(form))
+        axis.set_minor_formatter(NullFormatter())
+    if rows:
+        seconds, error = [row.seconds for row in rows], [row.rms for row in rows]
+        axes.set_xlim(min(seconds) / 1.35, max(seconds) * 1.9)
+        axes.set_ylim(min(*error, LIMITS[-1]) / 1.5, max(error) * 1.6)
+
+
+def _label(axes: Any, front: Sequence[Row]) -> None:
+    """Names of the front's points: below left of each, so that the line stays free."""
+    for i, row in enumerate(front):
+        axes.annotate(
+            f"{row.sweep}: {row.label}" if row.sweep != "look" else row.label, (row.seconds, row.rms),
+            (-6, -6 - 11 * (i % 2)), textcoords="offset points", ha="right", va="top", fontsize=7.5,
+            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": "0.5"}, zorder=4,
+        )  # fmt: skip
+
+
+def _bars(axes: Any, rows: Sequence[Row]) -> None:
+    """Error of each term left out and each model, most first."""
+    shown = sorted((row for row in rows if not row.label.endswith(" on")), key=lambda row: row.rms)
+    places = np.arange(len(shown))
+    colours = ["0.75" if row.sweep == "term" else "0.35" for row in shown]
+    axes.barh(places, [row.rms for row in shown], color=colours, edgecolor="black", linewidth=0.5)
+    axes.set_yticks(places, [row.label.replace(" off", " left out") for row in shown], fontsize=8)
+    for place, row in zip(places, shown, strict=True):
+        axes.annotate(f" {row.rms:.1%}", (row.rms, place), va="center", fontsize=8)
+    axes.set_xscale("log")
+    axes.set_xlim(right=2.2 * max(row.rms for row in shown))
+    axes.set_xlabel("rms against the term (light) or transport (dark)")
+    axes.set_title("What is modelled")

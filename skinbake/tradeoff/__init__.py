@@ -1,0 +1,17 @@
+"""Which settings to measure around a look, and what the measurements say. Nothing is run here."""
+
+from skinbake.tradeoff.judge import LIMITS, Row, cheapest, difference, pareto_front
+from skinbake.tradeoff.plan import EXTENTS, Reference, Setting, Sweep, plan_sweep
+
+__all__ = [
+    "EXTENTS",
+    "LIMITS",
+    "Reference",
+    "Row",
+    "Setting",
+    "Sweep",
+    "cheapest",
+    "difference",
+    "pareto_front",
+    "plan_sweep",
+]

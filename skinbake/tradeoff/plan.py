@@ -1,0 +1,217 @@
+"""Which settings to measure around a look, and what each is measured against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinbake.scene.skin import DipoleSkin, LayerSpec, MultipoleSkin, TransportSkin
+from skinbake.scene.spec import SceneSpec
+
+EXTENTS = ("quick", "default", "full")
+FINEST = 12  # Gaussians of a reference
+# Several knobs turned at once: share of the size, method, number of Gaussians
+TOGETHER = ((0.5, "texture", 3), (0.5, "auto", 4), (0.25, "texture", 2), (1, "texture", 4), (0.5, "texture", 4))
+
+Overrides = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What rows are measured against: the exact surface integral of a finest profile on a finest texture.
+
+    Attributes
+    ----------
+    name : str
+    overrides : tuple of str
+        As given to `--set`; the integral takes light, profile, `separate` and `normalise` from them.
+    meaning : str
+        One sentence for the report.
+    """
+
+    name: str
+    overrides: Overrides
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One bake to measure."""
+
+    sweep: str
+    label: str
+    overrides: Overrides
+    reference: str
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Everything one command measures. Settings with the same overrides are measured once and shown in each sweep."""
+
+    references: tuple[Reference, ...]
+    settings: tuple[Setting, ...]
+
+
+def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") -> Sweep:
+    """Settings around a look, one knob at a time and a few together.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+        The look.
+    size : (width, height)
+        Texture size the sweep is about; its own reference is twice that.
+    extent : "quick", "default" or "full"
+    """
+    level = EXTENTS.index(extent)
+    base = (_size(size, 1), "diffusion.probes=0", "terms.transmission=off")
+    finest_skin = _finest_skin(spec)
+    references = [
+        Reference(
+            "finest",
+            (_size(size, 2), *base[1:], *finest_skin, *_samples(spec, 1024)),
+            f"the surface integral of the finest profile (all of a given sum, else {FINEST} Gaussians) over a texture "
+            f"of {2 * size[0]} x {2 * size[1]}" + (", area lights with 1024 samples" if _area_lights(spec) else ""),
+        )
+    ]
+    settings: list[Setting] = []
+
+    def add(sweep: str, label: str, *overrides: str, reference: str = "finest") -> None:
+        settings.append(Setting(sweep, label, base + overrides, reference))
+
+    add("look", "the look as it is")
+    for count in ((2, 4), (1, 2, 3, 4, 6, 9), (1, 2, 3, 4, 5, 6, 8, 10, 12))[level]:
+        add("Gaussians", f"{count}", f"skin.fit={{gaussians: {count}}}")
+    methods = (("texture", "surface"), ("texture", "stretch", "surface"), ("texture", "stretch", "surface"))[level]
+    for method in methods if spec.diffusion.normalise else ("surface",):  # the classical integral has but one
+        add("method", method, f"diffusion.method={method}")
+    for tolerance in ((0.05,), (0.05, 0.02, 0.005), (0.1, 0.05, 0.02, 0.005, 0.002))[level]:
+        add("tolerance", f"{tolerance:g}", f"diffusion.tolerance={tolerance}")
+    for scale in ((0.5,), (0.25, 0.5), (0.125, 0.25, 0.5, 2))[level]:
+        add("size", _size(size, scale).partition("=")[2].strip("[]").replace(", ", " x "), _size(size, scale))
+    storage = {"float": "output.precision=float", "piz": "output.compression=piz"}
+    storage |= {"uncompressed": "output.compression=none", "lights summed": "output.lights=total"}
+    for label in list(storage)[: (1, 4, 4)[level]]:
+        add("storage", label, storage[label])
+    if _area_lights(spec):
+        for samples in ((16,), (4, 16, 64, 256), (1, 4, 16, 64, 256, 1024))[level]:
+            add("shadow samples", f"{samples}", *_samples(spec, samples))
+    for scale, method, count in TOGETHER[: (1, 5, 5)[level]] if spec.diffusion.normalise else ():
+        label = f"{round(size[0] * scale)}, {method}, {count} G"
+        add("together", label, _size(size, scale), f"diffusion.method={method}", f"skin.fit={{gaussians: {count}}}")
+    if level:
+        for reference, rows in _terms(spec, base):
+            references.append(reference)
+            settings += rows
+        for reference, rows in _models(spec, base, level):
+            references.append(reference)
+            settings += rows
+    return Sweep(tuple(references), tuple(settings))
+
+
+def _size(size: tuple[int, int], scale: float) -> str:
+    return "texture.size=[" + ", ".join(str(max(1, round(side * scale))) for side in size) + "]"
+
+
+def _area_lights(spec: SceneSpec) -> list[str]:
+    return [light.name for light in spec.lights if light.type in ("rectangle", "environment")]
+
+
+def _samples(spec: SceneSpec, samples: int) -> Overrides:
+    return tuple(f"lights.{name}.samples={samples}" for name in _area_lights(spec))
+
+
+def _finest_skin(spec: SceneSpec) -> Overrides:
+    """A given sum stands for itself; anything else is fitted with as many Gaussians as there may be."""
+    if spec.skin.model == "gaussians" and "fit" not in spec.skin.model_fields_set:
+        return ()
+    return (f"skin.fit={{gaussians: {FINEST}}}",)
+
+
+def _terms(spec: SceneSpec, base: Overrides) -> list[tuple[Reference, list[Setting]]]:
+    """Each term on (the reference) and off: what leaving it out costs."""
+    on_off = {
+        "energy conservation": ("terms.energy_conservation=on", "terms.energy_conservation=off"),
+        "separate": ("diffusion.separate=true", "diffusion.separate=false"),
+        "shadows": ("shadows=true", "shadows=false"),
+        "transmission": ("terms.transmission=on", "terms.transmission=off"),
+    }
+    found = []
+    for term, (on, off) in on_off.items():
+        meaning = f"the surface integral of the finest profile at the sweep's size with {on.replace('=', ': ')}"
+        if term == "transmission":
+            meaning += ", plus the light that the bake itself finds coming through thin parts"
+        reference = Reference(f"{term} on", (*base, *_finest_skin(spec), on), meaning)
+        rows = [
+            Setting("term", f"{term} {word}", (*base, value), reference.name)
+            for word, value in (("on", on), ("off", off))
+        ]
+        found.append((reference, rows))
+    return found
+
+
+def _models(spec: SceneSpec, base: Overrides, level: int) -> list[tuple[Reference, list[Setting]]]:
+    """Scattering models of one medium against transport in it."""
+    skin = spec.skin
+    media: dict[str, tuple[LayerSpec, ...]] = {}
+    if isinstance(skin, DipoleSkin):
+        media["the look's medium"] = (
+            LayerSpec(sigma_a_per_mm=skin.sigma_a_per_mm, sigma_sp_per_mm=skin.sigma_sp_per_mm, eta=skin.eta),
+        )
+    elif isinstance(skin, MultipoleSkin | TransportSkin):
+        media["the look's layers"] = skin.layers
+    if not media or level == 2:
+        media |= NAMED_MEDIA
+    photons = (10_000, 400_000, 4_000_000)[level]
+    found = []
+    for name, layers in media.items():
+        flow = "[" + ", ".join(_layer(layer) for layer in layers) + "]"
+        fit = f"fit: {{gaussians: {FINEST}}}"
+        transport = f"skin={{model: transport, photons: {photons}, {fit}, layers: {flow}}}"
+        reference = Reference(
+            f"transport, {name}",
+            (*base, transport),
+            f"the surface integral of {FINEST} Gaussians fitted to Monte Carlo transport ({photons} photons a channel) "
+            f"in {name}",
+        )
+        models = {"transport": transport}
+        if len(layers) == 1:
+            coefficients = flow[2:-2]
+            for variant in ("classic", "better"):
+                plain = ", ".join(part for part in coefficients.split(", thickness_mm")[:1])
+                models[f"dipole, {variant}"] = (
+                    f"skin={{model: dipole, variant: {variant}, {fit}, {plain}, eta: {layers[0].eta}}}"
+                )
+            models["multipole"] = f"skin={{model: multipole, {fit}, layers: {flow}}}"
+        else:
+            for treatment in ("guarded", "ballistic", "continued"):
+                models[f"multipole, {treatment}"] = (
+                    f"skin={{model: multipole, thin_layers: {treatment}, {fit}, layers: {flow}}}"
+                )
+        found.append(
+            (reference, [Setting("model", f"{m}, {name}", (*base, skin), reference.name) for m, skin in models.items()])
+        )
+    return found
+
+
+# Coefficients of configs/skins: a given sum of Gaussians has no medium that models could be compared in
+NAMED_MEDIA = {
+    "skin1 of Jensen 2001": (
+        LayerSpec(sigma_a_per_mm=(0.032, 0.17, 0.48), sigma_sp_per_mm=(0.74, 0.88, 1.01), eta=1.3),
+    ),
+    "three layers of Donner 2005": (
+        LayerSpec(sigma_a_per_mm=(0.21, 0.21, 0.5), sigma_sp_per_mm=(4.8, 6.0, 6.5), thickness_mm=0.25),
+        LayerSpec(sigma_a_per_mm=(0.016, 0.019, 0.03), sigma_sp_per_mm=(3.2, 4.0, 4.6), thickness_mm=0.2),
+        LayerSpec(sigma_a_per_mm=(0.0085, 0.1, 2.5), sigma_sp_per_mm=(0.45, 0.47, 0.48)),
+    ),
+}
+
+
+def _layer(layer: LayerSpec) -> str:
+    """A layer as YAML on one line."""
+    thickness = ".inf" if np.isinf(layer.thickness_mm) else repr(layer.thickness_mm)
+    return (
+        f"{{sigma_a_per_mm: {list(layer.sigma_a_per_mm)}, sigma_sp_per_mm: {list(layer.sigma_sp_per_mm)}, "
+        f"thickness_mm: {thickness}, eta: {layer.eta}, g: {layer.g}}}"
+    )
