@@ -1,9 +1,10 @@
 """Method `auto`: the cheapest method and stored size for each lobe that together meet the tolerance, as measured.
 
-Every candidate of every lobe is tried at planning probes only (a surface sum needs no more than the texels that a reader
-of the probe would touch), against the exact integral there. Errors of lobes are added as they are, with their signs and
-weights, so a lobe of little weight may be rough. The search starts from the most accurate candidate of each lobe and takes,
-one after another, the exchange that saves most for the error it adds, while the sum stays below MARGIN of the tolerance.
+Every candidate of every lobe is tried at planning probes only (a surface sum needs no more than the texels that a
+reader of the probe would touch), against the exact integral there. Errors of lobes are added as they are, with their
+signs and weights, so a lobe of little weight may be rough. The search starts from the most accurate candidate of each
+lobe and takes, one after another, the exchange that saves most for the error it adds, while the sum stays below MARGIN
+of the tolerance.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from skinbake.profile.gaussian_sum import GaussianSum
 PROBES = 1000
 MARGIN = 0.7  # the verifying probes are others: leave room for the luck of the draw
 MAX_LEVELS = 4
-# Seconds a texel, of the two-core machine this was tuned on: only their ratios matter, and nothing is timed during a bake
+# Seconds a texel, of the two-core machine this was tuned on: only their ratios matter, nothing is timed in a bake
 _WRITE = 7e-8
 _TEXTURE = 1.2e-8
 _PAIR = 1e-9
@@ -75,7 +76,9 @@ def plan_auto(
     want = weighted_sum(exact, gaussians.weight_rgb)
     limit = MARGIN * diffuser.spec.tolerance
     chosen = _search(options, gaussians.weight_rgb, want, limit)
-    total = relative_rms(weighted_sum([o[k].read for o, k in zip(options, chosen, strict=True)], gaussians.weight_rgb), want)
+    total = relative_rms(
+        weighted_sum([o[k].read for o, k in zip(options, chosen, strict=True)], gaussians.weight_rgb), want
+    )
     plans, lines = [], []
     for i, (lobe, k) in enumerate(zip(options, chosen, strict=True)):
         plan = _explain(lobe, lobe[k], i, options, chosen, gaussians, want)
@@ -141,7 +144,7 @@ def _search(options: list[list[Candidate]], weight_rgb: Float, want: Float, limi
     lights = want.shape[1] // 3
     weights = [np.tile(w, lights) for w in weight_rgb]
     norm = float(np.linalg.norm(want)) or 1.0
-    chosen = [min(range(len(lobe)), key=lambda k, lobe=lobe: (lobe[k].error, lobe[k].cost)) for lobe in options]
+    chosen = [min(range(len(lobe)), key=[(c.error, c.cost) for c in lobe].__getitem__) for lobe in options]
     total = sum(lobe[k].read * w for lobe, k, w in zip(options, chosen, weights, strict=True)) - want
     while True:
         here = float(np.linalg.norm(total)) / norm

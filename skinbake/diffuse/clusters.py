@@ -1,8 +1,8 @@
-"""Area-weighted clusters of texels: a moment pyramid over the texture, cut where the skin inside a block is small enough.
+"""Area-weighted clusters of texels: a moment pyramid over the texture, cut where the skin in a block is small enough.
 
-Texels next to one another in a chart are next to one another on the skin, so a quadtree over the texture is already a
-spatial hierarchy; where a block holds two charts, its spread in space says so and the cut goes deeper. The cut adapts to
-the local stretch by itself, and costs one pass over the texels.
+Texels next to one another in a chart are next to one another on the skin, so a quadtree over the texture is already
+a spatial hierarchy; where a block holds two charts, its spread in space says so and the cut goes deeper. The cut
+adapts to the local stretch by itself, and costs one pass over the texels.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], levels: 
     radiosity : ndarray of shape (H * W, C), float32
         By flat texel.
     """
-    moments, means = [], []
+    moments: list[NDArray[np.float32]] = []
+    means: list[NDArray[np.float32]] = []
     fine_moments = np.empty((0, 0, _MOMENTS), np.float32)
     fine_mean = np.empty((0, 0, radiosity.shape[1]), np.float32)
     height, width = points.row.shape
@@ -88,7 +89,7 @@ def cut_clusters(
     parts: list[tuple[NDArray[np.float32], ...]] = []
     channels = tiles[0][1].shape[1]
     for points, radiosity, pyramid in tiles:
-        taken = np.zeros((1, 1), np.uint8)
+        taken: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
         for moments, mean in zip(reversed(pyramid.moments), reversed(pyramid.radiosity), strict=True):
             now = np.zeros(moments.shape[:2], np.uint8)
             per_row = np.zeros(len(moments), np.int64)
@@ -201,10 +202,9 @@ def _mark(moments, parent, max_spread, min_alignment, now, per_row):  # type: ig
             m = moments[i, j]
             if parent[min(i // 2, parent.shape[0] - 1), min(j // 2, parent.shape[1] - 1)] > 0:
                 now[i, j] = 2
-            elif m[0] > 0 and m[4] <= max_spread:
-                if m[5] * m[5] + m[6] * m[6] + m[7] * m[7] >= min_alignment * min_alignment:
-                    now[i, j] = 1
-                    per_row[i] += 1
+            elif m[0] > 0 and m[4] <= max_spread and m[5] ** 2 + m[6] ** 2 + m[7] ** 2 >= min_alignment**2:
+                now[i, j] = 1
+                per_row[i] += 1
 
 
 @njit(cache=True, parallel=True)

@@ -92,7 +92,8 @@ def diffuse(
         tell(f"lobe {i}: {plan.method}")
         made.append(diffuser.map(plan.method, float(variance), plan.level, plan.spacing))
 
-    error, by_lobe = None, [None] * len(plans)
+    error: MeasuredError | None = None
+    by_lobe: list[MeasuredError | None] = [None] * len(plans)
     if spec.probes:
         tell("measuring the error")
         points = [p for p, _, _ in diffuser.surface.tiles]

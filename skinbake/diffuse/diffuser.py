@@ -12,6 +12,14 @@ from skinbake.atlas import FIRST_TILE, Atlas, rasterize
 from skinbake.diffuse.points import TexelPoints, texel_points
 from skinbake.diffuse.probes import Probes, bilinear_texels, read_bilinear
 from skinbake.diffuse.reference import reference_integral
+from skinbake.diffuse.stretch import (
+    area_mean,
+    chart_of_face,
+    smooth_inverse_metric,
+    stretch_blur,
+    texel_covariance,
+    uv_vertices,
+)
 from skinbake.diffuse.surface import LobeSources, SurfaceLight, evaluate, lobe_sources, surface_light
 from skinbake.diffuse.texture import (
     TexturePyramid,
@@ -38,10 +46,13 @@ class Diffuser:
         In the order of the atlas.
     """
 
-    def __init__(self, source: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: SkinMesh, spec: DiffusionSpec) -> None:
+    def __init__(
+        self, source: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: SkinMesh, spec: DiffusionSpec
+    ) -> None:
         self.source, self.atlas, self.mesh, self.spec = list(source), atlas, mesh, spec
         self.size = atlas[0].shape
         self.lights = self.source[0].shape[0]
+        self._atlases: dict[int, Atlas] = {}
         self._targets: dict[int, list[TexelPoints]] = {}
         self._sources: dict[tuple[float, float], LobeSources] = {}
 
@@ -71,12 +82,7 @@ class Diffuser:
     def targets(self, level: int) -> list[TexelPoints]:
         """Skin points of each tile's texels at a stored size, continued beyond the charts' borders."""
         if level not in self._targets:
-            atlas = self.atlas
-            if level > 0:
-                height, width = level_size(self.size, level)
-                udim = len(atlas) > 1 or atlas[0].tile != FIRST_TILE
-                again = {r.tile: r for r in rasterize(self.mesh, (width, height), LEVEL_GUTTER, udim)}
-                atlas = tuple(again[r.tile] for r in self.atlas)
+            atlas = self.level_atlas(level)
             self._targets[level] = [texel_points(r, self.mesh, self.surface.centre_mm, extend=True) for r in atlas]
         return self._targets[level]
 
@@ -101,6 +107,8 @@ class Diffuser:
                 texture_blur(p, t, level, s if level == 0 else None)
                 for p, s in zip(self.pyramids, self.source, strict=True)
             ]
+        if method == "stretch":
+            return self._stretch_map(variance_mm2, level)
         if method == "surface":
             return self._surface_map(variance_mm2, level, spacing)
         if method == "reference":
@@ -113,6 +121,8 @@ class Diffuser:
             return self.at_texel(probes)
         if method == "texture":
             return texture_at(self.pyramids, self.variance_texels2(variance_mm2), level, probes)
+        if method == "stretch":
+            return self.read(self.map(method, variance_mm2, level, spacing), probes, half=False)
         if method == "surface":
             sources = self.sources(variance_mm2, spacing)
             return self._surface_points(sources, probes.position, probes.normal, probes.texel_mm2)
@@ -128,7 +138,7 @@ class Diffuser:
         return out
 
     def read_surface(self, variance_mm2: float, level: int, spacing: float, probes: Probes) -> Float:
-        """What bilinear reading of a stored `surface` lobe will give at the probes, from the four texels around each only."""
+        """What reading a stored `surface` lobe will give at the probes, from the four texels around each only."""
         out = np.zeros((len(probes), 3 * self.lights))
         sources = self.sources(variance_mm2, spacing)
         for k, points in enumerate(self.targets(level)):
@@ -138,7 +148,9 @@ class Diffuser:
             texels, back = np.unique(flat, return_inverse=True)
             row = points.row.reshape(-1)[texels]
             shown = np.maximum(row, 0)
-            values = self._surface_points(sources, points.position[shown], points.normal[shown], points.texel_mm2[shown])
+            values = self._surface_points(
+                sources, points.position[shown], points.normal[shown], points.texel_mm2[shown]
+            )
             values[row < 0] = 0
             out[mine] = (values[back.reshape(flat.shape)] * weight[..., None]).sum(axis=1)
         return out
@@ -158,13 +170,48 @@ class Diffuser:
         return self._integral(variance_mm2, probes.position, probes.normal, probes.texel_mm2)
 
     def _integral(
-        self, variance_mm2: float, position: NDArray[np.float32], normal: NDArray[np.float32], texel: NDArray[np.float32]
+        self,
+        variance_mm2: float,
+        position: NDArray[np.float32],
+        normal: NDArray[np.float32],
+        texel: NDArray[np.float32],
     ) -> Float:
         texels, rows = self.surface.texels
         return reference_integral(
             rows, texels.area_mm2[rows.order], position, normal, texel, variance_mm2,
             self.spec.separate, self.spec.normalise,
         )  # fmt: skip
+
+    def level_atlas(self, level: int) -> Atlas:
+        """The mesh rasterised at a stored size."""
+        if level == 0:
+            return self.atlas
+        if level not in self._atlases:
+            height, width = level_size(self.size, level)
+            udim = len(self.atlas) > 1 or self.atlas[0].tile != FIRST_TILE
+            again = {r.tile: r for r in rasterize(self.mesh, (width, height), LEVEL_GUTTER, udim)}
+            self._atlases[level] = tuple(again[r.tile] for r in self.atlas)
+        return self._atlases[level]
+
+    @cached_property
+    def _metric(self) -> tuple[Float, NDArray[np.int32]]:
+        corner = uv_vertices(self.mesh)
+        return smooth_inverse_metric(self.mesh, corner), chart_of_face(corner)
+
+    def _stretch_map(self, variance_mm2: float, level: int) -> Tiles:
+        inverse_metric, chart_of = self._metric
+        tiles = []
+        for k, raster in enumerate(self.level_atlas(level)):
+            light, box_variance = self.source[k], 0.0
+            if level > 0:
+                light = np.empty((self.lights, *raster.shape, 3), np.float32)
+                area_mean(self.source[k], self.atlas[k].area_mm2, 1 << level, light)
+                box_variance = (1 - 0.25**level) / 12  # of the mean over a block, in texels of this level
+            covariance = texel_covariance(raster, inverse_metric) * np.float32(variance_mm2)
+            covariance -= np.array([box_variance, 0, box_variance], np.float32)
+            chart = np.where(raster.addressed, chart_of[raster.face_index], -1).astype(np.int32)
+            tiles.append(stretch_blur(light, raster.area_mm2, chart, covariance))
+        return tiles
 
     def _surface_map(self, variance_mm2: float, level: int, spacing: float) -> Tiles:
         sources = self.sources(variance_mm2, spacing)
@@ -178,7 +225,11 @@ class Diffuser:
         return tiles
 
     def _surface_points(
-        self, sources: LobeSources, position: NDArray[np.float32], normal: NDArray[np.float32], texel: NDArray[np.float32]
+        self,
+        sources: LobeSources,
+        position: NDArray[np.float32],
+        normal: NDArray[np.float32],
+        texel: NDArray[np.float32],
     ) -> Float:
         count = np.arange(len(position), dtype=np.int32)
         points = TexelPoints(count[:, None], count, position, normal, np.zeros(len(count), np.float32), texel)

@@ -1,7 +1,7 @@
 """The hot loop of the surface method: Gaussian sums over sorted sources, sixteen targets abreast.
 
-The lanes of the inner loops are neighbouring targets, not sources: each lane adds its sources in one fixed order, so the
-result depends neither on the number of threads nor on the width of the machine's vectors.
+The lanes of the inner loops are neighbouring targets, not sources: each lane adds its sources in one fixed order, so
+the result depends neither on the number of threads nor on the width of the machine's vectors.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ _STEPS = np.float32(32)
 
 @njit(cache=True, parallel=True)
 def gather(  # type: ignore[no-untyped-def]
-    batches, position, normal, variance, gain, flat_index,  # targets: (B, 16) rows of the rest, (T, 3), (T, 3), (T,) ...
+    batches, position, normal, variance, gain, flat_index,  # targets: (B, 16), then (T, ...)
     source, narrowing, amplitude, source_normal, radiosity,  # (S, 3), (S,), (S,), (S, 3), (S, C)
     row_start, origin, cell, rows_y, rows_z,  # rows of sources along x, sorted by x inside each
     cut, separate, scale,  # scale > 0: out = scale gain sum (not normalised)
     out, weight,  # (H*W, C), (H*W,)
 ):  # fmt: skip
-    """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 variance_t) passes_ts.
+    """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 variance_t) p_ts.
 
-    A target looks at least `cut` sqrt(variance_t) mm far. `weight` receives the sum of weights; where it is not positive `out` is left as it was.
+    A target looks at least `cut` sqrt(variance_t) mm far. `weight` receives the sum of weights; where it
+    is not positive `out` is left as it was. p_ts is the share that `passes`.
     """
     channels = radiosity.shape[1]
     for b in prange(batches.shape[0]):
@@ -89,7 +90,9 @@ def gather(  # type: ignore[no-untyped-def]
                     for t in range(LANES):
                         dx, dy, dz = xs - x[t], ys - y[t], zs - z[t]
                         e = min((dx * dx + dy * dy + dz * dz) * (rate[t] * narrowing_s), _ONE)
-                        p = _ONE + e * (-_ONE + e * (_HALF - e * (_SIXTH - e * (_TWENTYFOURTH - e * _HUNDRED_TWENTIETH))))
+                        p = _ONE + e * (
+                            -_ONE + e * (_HALF - e * (_SIXTH - e * (_TWENTYFOURTH - e * _HUNDRED_TWENTIETH)))
+                        )
                         p = p * p
                         p = p * p
                         p = p * p

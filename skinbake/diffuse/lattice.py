@@ -59,7 +59,7 @@ def sampled_gaussian(t: float, offset: float = 0.0, tail: float = TAIL) -> tuple
 
 
 def residual_kernel(t: float, t_fourth: float) -> Float:
-    """Half kernel of variance t whose fourth cumulant is `t_fourth`: discrete Gaussian of t_fourth, sampled for the rest.
+    """Half kernel of variance t with fourth cumulant `t_fourth`: discrete Gaussian of t_fourth, sampled for the rest.
 
     The discrete Gaussian of variance s has fourth cumulant s, a sampled one (t >= 0.6) has none: convolving both
     reaches any value between. So a coarse level reproduces the kernel that the fine level would have used.

@@ -7,7 +7,9 @@ import os
 from skinbake.errors import MachineError
 
 
-def memory_needed_bytes(size: tuple[int, int], lights: int, tiles: int = 1, lobes: int = 6, method: str = "auto") -> int:
+def memory_needed_bytes(
+    size: tuple[int, int], lights: int, tiles: int = 1, lobes: int = 6, method: str = "auto"
+) -> int:
     """Peak memory of the diffusion of full textures, an upper estimate from the arrays that live together.
 
     Parameters
@@ -19,10 +21,10 @@ def memory_needed_bytes(size: tuple[int, int], lights: int, tiles: int = 1, lobe
 
     Notes
     -----
-    Per texel and tile: the atlas 20 bytes and the source 12 L are the caller's; each lobe kept at full size is 12 L (the
-    three narrowest lobes, as a rule; the others are stored smaller and add half of one). `texture` holds a premultiplied
-    copy with its pyramid, 16 L + 6. The 3-D methods hold points of the texels and of their extension (2 x 40), the sorted
-    sources (56 + 12 L), their moment pyramid (11 + 4 L) and, while sorting, keys and order (16).
+    Per texel and tile: the atlas 20 bytes and the source 12 L are the caller's; each lobe kept at full size is 12 L
+    (the three narrowest lobes, as a rule; the others are stored smaller and add half of one). `texture` holds a
+    premultiplied copy with its pyramid, 16 L + 6. The 3-D methods hold points of the texels and of their extension
+    (2 x 40), the sorted sources (56 + 12 L), their moment pyramid (11 + 4 L) and, while sorting, keys and order (16).
     """
     texels = size[0] * size[1] * tiles
     kept = min(lobes, 3.5) * 12 * lights
@@ -49,6 +51,7 @@ def check_memory(size: tuple[int, int], lights: int, tiles: int, lobes: int, met
     there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     if needed > there:
         raise MachineError(
-            f"diffusion of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about {needed / 2**30:.0f} GiB of "
-            f"memory, this machine has {there / 2**30:.0f} GiB: lower texture.size, or set output.lights to total"
+            f"diffusion of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about "
+            f"{needed / 2**30:.0f} GiB of memory, this machine has {there / 2**30:.0f} GiB: lower texture.size, or set "
+            "output.lights to total"
         )

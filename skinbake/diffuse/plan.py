@@ -55,6 +55,9 @@ def fixed_plan(diffuser: Diffuser, method: str, variance_mm2: float) -> LobePlan
     if ratio < IDENTITY_TEXELS2:
         return LobePlan("identity", 0, 0.0, f"sigma is {np.sqrt(ratio):.3f} texel: nothing to blur")
     level = storage_level(diffuser, variance_mm2, diffuser.spec.tolerance)
+    if method == "stretch":  # its blocks are whole texels
+        while level and (diffuser.size[0] % (1 << level) or diffuser.size[1] % (1 << level)):
+            level -= 1
     spacing = cluster_spacing(diffuser.spec.tolerance)
     return LobePlan(method, level, spacing, f"asked for; sigma is {np.sqrt(ratio) / 2**level:.1f} stored texels")
 

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, signed_uv_area, tile_origin
+from skinbake.atlas import AtlasRaster, first_fundamental_form, signed_uv_area, tile_origin
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -32,7 +32,8 @@ class TexelPoints:
     area_mm2 : ndarray of shape (T,), float32
         Weight in surface sums, 0 in the gutter.
     texel_mm2 : ndarray of shape (T,), float32
-        Skin area that one whole texel spans there.
+        Square of a texel's shorter length on the skin (smaller stretch of the face, squared; at most the texel's
+        area): the lattice that can show a lobe.
     """
 
     row: NDArray[np.int32]
@@ -59,24 +60,31 @@ def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float, extend: 
     corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
     corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
     face_mm2 = safe_div(mesh.face_area_mm2, np.abs(signed_uv_area(mesh)) * width * height)
+    shorter_mm2 = np.minimum(_smaller_stretch2(mesh, width, height), face_mm2)
     row = np.full((height, width), -1, dtype=np.int32)
     count = int(np.count_nonzero(raster.addressed))
     flat = np.empty(count, dtype=np.int32)
     position, normal = np.empty((count, 3), dtype=np.float32), np.empty((count, 3), dtype=np.float32)
     area, texel_mm2 = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     _points(
-        raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage, corner_xy, mesh.corner_position_mm - centre_mm,
-        mesh.corner_normal, face_mm2, MAX_BEYOND_TEXELS if extend else 0.0,
-        row, flat, position, normal, area, texel_mm2,
+        raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage, corner_xy,
+        mesh.corner_position_mm - centre_mm, mesh.corner_normal, face_mm2, shorter_mm2,
+        MAX_BEYOND_TEXELS if extend else 0.0, row, flat, position, normal, area, texel_mm2,
     )  # fmt: skip
     if count:
         np.minimum(texel_mm2, texel_mm2[area > 0].max(initial=0.0), out=texel_mm2)
     return TexelPoints(row, flat, position, normal, area, texel_mm2)
 
 
+def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
+    """Smaller eigenvalue of each face's metric in texels, mm^2, shape (F,)."""
+    e, f, h = (first_fundamental_form(mesh) / np.array([width**2, width * height, height**2])).T
+    return 0.5 * (e + h - np.hypot(e - h, 2 * f))
+
+
 @njit(cache=True)
 def _points(  # type: ignore[no-untyped-def]
-    face_index, barycentric, area_mm2, coverage, corner_xy, corner_mm, corner_normal, face_mm2, beyond,
+    face_index, barycentric, area_mm2, coverage, corner_xy, corner_mm, corner_normal, face_mm2, shorter_mm2, beyond,
     row_out, flat, position, normal, area, texel_mm2,
 ):  # fmt: skip
     height, width = face_index.shape
@@ -93,7 +101,9 @@ def _points(  # type: ignore[no-untyped-def]
             area[n] = area_mm2[row, col]
             # Not the face's ratio where there is a better one: a sliver in UV would claim half the head
             covered = coverage[row, col]
-            texel_mm2[n] = area_mm2[row, col] / covered if covered > 0 else face_mm2[f]
+            texel_mm2[n] = shorter_mm2[f]
+            if covered > 0:
+                texel_mm2[n] = min(shorter_mm2[f], area_mm2[row, col] / covered)
             length2 = 0.0
             for k in range(3):
                 position[n, k] = b0 * corner_mm[f, 0, k] + b1 * corner_mm[f, 1, k] + b2 * corner_mm[f, 2, k]
@@ -115,7 +125,7 @@ def _points(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _continue_plane(xy, mm, dx, dy, away, beyond, mm2, position):  # type: ignore[no-untyped-def]
-    """Move a position by the face's affine map of a step of (dx, dy) texels, never further than the face's mean texel says."""
+    """Move a position by the face's affine map of a step of (dx, dy) texels, as far as its mean texel lets it."""
     e1x, e1y = xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]
     e2x, e2y = xy[2, 0] - xy[0, 0], xy[2, 1] - xy[0, 1]
     twice_area = e1x * e2y - e1y * e2x

@@ -51,7 +51,7 @@ def draw_probes(
     """`count` texels, each drawn with a chance proportional to its skin area, independently.
 
     A texel counts for at most SQUEEZED times the mean: skin that the UVs squeeze into almost no texture is shown by a
-    few texels whatever a bake does, and would otherwise be most of what is judged (`squeezed_share` says how much it is).
+    few texels whatever a bake does, and would otherwise be most of what is judged (`squeezed_share` says how much).
     """
     rng = np.random.default_rng([seed, stream])
     area = np.concatenate([p.area_mm2 for p in points]).astype(np.float64)
@@ -73,7 +73,9 @@ def draw_probes(
         r = row[mine]
         flat[mine], position[mine], normal[mine] = p.flat_index[r], p.position[r], p.normal[r]
         texel_mm2[mine] = p.texel_mm2[r]
-        place[mine] = _places(raster.face_index, raster.barycentric, p.flat_index[r], mesh.corner_uv, tile_origin(raster.tile))
+        place[mine] = _places(
+            raster.face_index, raster.barycentric, p.flat_index[r], mesh.corner_uv, tile_origin(raster.tile)
+        )
     return Probes(tile, flat, place, position, normal, texel_mm2)
 
 

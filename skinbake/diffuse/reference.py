@@ -1,8 +1,8 @@
 """The exact surface integral over all texels: what every method is measured against.
 
-Nothing is clustered, cut short of 6 sigma, or done in texture space; sums are float64. It shares with the surface method
-the rule of `separate` and the widening of lobes narrower than a texel (`lattice_gaussian`), because both define what is
-being approximated, and the order of the texels in rows, which only finds neighbours.
+Nothing is clustered, cut short of 6 sigma, or done in texture space; sums are float64. It shares with the surface
+method the rule of `separate` and the widening of lobes narrower than a texel (`lattice_gaussian`), because both define
+what is being approximated, and the order of the texels in rows, which only finds neighbours.
 """
 
 from __future__ import annotations
@@ -74,7 +74,8 @@ def _integrate(  # type: ignore[no-untyped-def]
         r = cut * np.sqrt(variance[p])
         total = 0.0
         for row_z in range(
-            max(int(np.floor((z - r - origin[2]) / cell)), 0), min(int(np.floor((z + r - origin[2]) / cell)), rows_z - 1) + 1
+            max(int(np.floor((z - r - origin[2]) / cell)), 0),
+            min(int(np.floor((z + r - origin[2]) / cell)), rows_z - 1) + 1,
         ):
             for row_y in range(
                 max(int(np.floor((y - r - origin[1]) / cell)), 0),

@@ -66,7 +66,9 @@ def sort_into_rows(
     sorted_normal = np.empty((len(order), 3), dtype=np.float32)
     sorted_radiosity = np.empty((len(order), radiosity.shape[1]), dtype=np.float32)
     _take(order, position, normal, radiosity, sorted_position, sorted_normal, sorted_radiosity)
-    return SourceRows(order, sorted_position, sorted_normal, sorted_radiosity, row_start, origin, cell32, rows_y, rows_z)
+    return SourceRows(
+        order, sorted_position, sorted_normal, sorted_radiosity, row_start, origin, cell32, rows_y, rows_z
+    )
 
 
 @njit(cache=True, parallel=True)

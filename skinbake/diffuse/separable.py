@@ -151,7 +151,7 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
 def decimation_weights(
     size: int, smaller: int, margin: int, smaller_margin: int, variance_texels2: float
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Gaussian of a given variance (texels of `size`) around the centre of each texel of `smaller`; both with margins."""
+    """Gaussian of a given variance (texels of `size`) around each texel centre of `smaller`; both with margins."""
     centre = (np.arange(-smaller_margin, smaller + smaller_margin) + 0.5) * (size / smaller) - 0.5 + margin
     reach = np.sqrt(-2 * variance_texels2 * np.log(1e-7))
     first = np.ceil(centre - reach).astype(np.int64)

@@ -6,8 +6,8 @@ into the gap along the joining line, and face one another:
 
     n_i . (x_j - x_i) > 0,    n_j . (x_i - x_j) > 0,    n_i . n_j < 0.
 
-A pair on the two sides of thin tissue (an ear, a nostril's wing) has normals that point away from one another along the
-line: it is never kept apart, so light still passes. The rule is symmetric in i and j and depends on nothing but the pair.
+A pair on the two sides of thin tissue (an ear, a nostril's wing) has normals that point away from one another along
+the line: it is never kept apart, so light still passes. The rule is symmetric and depends on nothing but the pair.
 
 It approximates a test of "does the joining line leave the tissue" by its two ends. It errs where a third part lies
 between (three folds in a row), and at the bottom of a crease sharper than 90 degrees, whose two walls it parts although

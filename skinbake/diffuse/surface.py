@@ -1,10 +1,10 @@
 """Method `surface`: Gaussian sums over area-weighted clusters of skin in three dimensions; no seams, stretch or tiles.
 
-At a target x:  M(x) = sum_j w_j E_j / sum_j w_j,   w_j = A_j k_j exp(-|x - x_j|^2 k_j / 2 v) passes(x, j),  k_j = v/(v - s_j^2).
+At a target x:  M(x) = sum_j w_j E_j / sum_j w_j,   w_j = A_j k_j exp(-|x - x_j|^2 k_j / 2 v) p_j,  k_j = v/(v - s_j^2).
 
 Moving the light of a cluster to its centroid is a blur of its own, by the cluster's spread s_j^2 (variance along each
-tangent direction), so each cluster spreads by that much less: a single texel has k_j = 1. Where texels are coarser than the
-lobe, v is widened at the target, so that their lattice still spreads light by v (`lattice_gaussian`).
+tangent direction), so each cluster spreads by that much less: a single texel has k_j = 1. Where texels are coarser
+than the lobe, v is widened at the target, so that their lattice still spreads light by v (`lattice_gaussian`).
 
 Distances are straight lines, as the dipole integral wants [Jensen2002]; `separate` keeps what faces across air apart.
 Row normalisation keeps constant light constant. It does not keep each light's total exactly; a symmetric, doubly
@@ -99,7 +99,9 @@ def surface_light(radiosity: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: 
     return SurfaceLight(centre, tuple(tiles))
 
 
-def lobe_sources(light: SurfaceLight, variance_mm2: float, spacing: float = SPACING, cut: float = CUT_SIGMA) -> LobeSources:
+def lobe_sources(
+    light: SurfaceLight, variance_mm2: float, spacing: float = SPACING, cut: float = CUT_SIGMA
+) -> LobeSources:
     """Clusters of one lobe, sorted for lookup.
 
     Parameters
@@ -129,10 +131,12 @@ def evaluate(
     out: NDArray[np.float32],
     weight: NDArray[np.float32] | None = None,
 ) -> None:
-    """Write M at each point into `out` (texels, C), at row `points.flat_index`; rows without any source stay as they are."""
+    """Write M at each point into `out` (texels, C), at row `points.flat_index`; without any source, nothing."""
     # Where texels are coarser than the lobe, their lattice spreads light as far as the next texel
     variance, gain = lattice_gaussian(sources.variance_mm2, points.texel_mm2)
-    near = sources.cut * np.sqrt(sources.variance_mm2) + 4 * np.sqrt(np.median(points.texel_mm2) if len(variance) else 0.0)
+    near = sources.cut * np.sqrt(sources.variance_mm2) + 4 * np.sqrt(
+        np.median(points.texel_mm2) if len(variance) else 0.0
+    )
     batches = make_batches(points.row, _BLOCK, points.position, np.float32(near))
     rows = sources.rows
     if weight is None:

@@ -1,9 +1,9 @@
-"""Method `texture`: one texel size for the whole texture, separable kernels, K[M E] / K[M]; what the 2015 report does.
+"""Method `texture`: one texel size for the whole texture, separable kernels, K[M E] / K[M]; the 2015 report's way.
 
-It knows nothing of stretch, seams and tiles, and costs the same for every width: a wide lobe is blurred, and stored, at
-the level of a pyramid where it is a few texels wide. Variances add, so each level's prefilter is taken off the blur that
-remains; fourth cumulants add too, so that a coarse level still gives the kernel which the full texture would have used:
-the discrete Gaussian, THEORY (5.6).
+It knows nothing of stretch, seams and tiles, and costs the same for every width: a wide lobe is blurred, and stored,
+at the level of a pyramid where it is a few texels wide. Variances add, so each level's prefilter is taken off the blur
+that remains; fourth cumulants add too, so that a coarse level still gives the kernel that the full texture would have
+used: the discrete Gaussian, THEORY (5.6).
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
-from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
+from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.separable import decimate, decimation_weights, masked_light, normalised_blur
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
@@ -61,9 +61,7 @@ class TexturePyramid:
                 out,
             )
             before = self.prefilter[-1]
-            self.prefilter.append(
-                (before[0] + t_y * (full_h / height) ** 2, before[1] + t_x * (full_w / width) ** 2)
-            )
+            self.prefilter.append((before[0] + t_y * (full_h / height) ** 2, before[1] + t_x * (full_w / width) ** 2))
             self.levels.append(out)
         return self.levels[number]
 
