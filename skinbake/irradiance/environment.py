@@ -21,7 +21,7 @@ Image = NDArray[np.float32]
 DEFAULT_SAMPLES = 256
 NORMALS = 96  # octahedral table of unshadowed irradiance: 96 x 96 normals, read bilinearly
 SKY = (64, 128)  # to which a map is averaged for that table: the cosine is smooth
-LATTICE_MM = 2.0  # between the first texels traced: ambient light varies over what shades it, not over texels
+LATTICE_MM = 4.0  # between the first texels traced: ambient light varies over what shades it, not over texels
 VARIATION = 0.05  # of the visible share, above which texels between lattice points are traced
 CHUNK = 1 << 20
 

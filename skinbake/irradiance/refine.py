@@ -73,24 +73,26 @@ def _between(
                 continue
             r0, c0 = row - row % wide, col - col % wide
             r1, c1 = r0 + wide if row % wide else r0, c0 + wide if col % wide else c0
-            if r1 >= height or c1 >= width:
-                to_trace[row, col] = True
-                continue
-            if not (wanted[r0, c0] and wanted[r0, c1] and wanted[r1, c0] and wanted[r1, c1]):
-                to_trace[row, col] = True
-                continue
+            # Beside a chart's border those neighbours do that it has, a step of the lattice away at most
+            found, agree = 0, True
+            low, high = np.full(channels, np.float32(np.inf)), np.full(channels, np.float32(-np.inf))
+            total = np.zeros(channels)
             nx, ny, nz = normal[row, col, 0], normal[row, col, 1], normal[row, col, 2]
             for r in (r0, r1):
                 for c in (c0, c1):
-                    if nx * normal[r, c, 0] + ny * normal[r, c, 1] + nz * normal[r, c, 2] < TURN_COSINE:
-                        to_trace[row, col] = True
+                    if r >= height or c >= width or not wanted[r, c]:
+                        continue
+                    found += 1
+                    cosine = nx * normal[r, c, 0] + ny * normal[r, c, 1] + nz * normal[r, c, 2]
+                    agree = agree and cosine >= TURN_COSINE
+                    for k in range(channels):
+                        low[k], high[k] = min(low[k], values[r, c, k]), max(high[k], values[r, c, k])
+                        total[k] += values[r, c, k]
             for k in range(channels):
-                p, q, s, t = values[r0, c0, k], values[r0, c1, k], values[r1, c0, k], values[r1, c1, k]
-                if max(p, q, s, t) - min(p, q, s, t) > tolerance:
-                    to_trace[row, col] = True
-            if not to_trace[row, col]:
-                for k in range(channels):
-                    values[row, col, k] = 0.25 * (
-                        values[r0, c0, k] + values[r0, c1, k] + values[r1, c0, k] + values[r1, c1, k]
-                    )
+                agree = agree and high[k] - low[k] <= tolerance
+            if found == 0 or not agree:
+                to_trace[row, col] = True
+                continue
+            for k in range(channels):
+                values[row, col, k] = total[k] / found
     return to_trace
