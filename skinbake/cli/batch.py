@@ -56,11 +56,10 @@ def command(
     from skinbake.io.batch_file import load_batch
     from skinbake.io.cache import cache_folder
 
-    batch = load_batch(file, overrides, out)
+    batch = load_batch(file, overrides, out, only)
     folder = Path(cache).absolute() if cache else cache_folder(batch.folder / ".cache")
     plan = Plan(
         batch=batch,
-        only=only,
         workers=workers,
         keep_going=keep_going,
         force=force,

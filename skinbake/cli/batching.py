@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,12 @@ import skinbake
 from skinbake.cli.crew import Crew
 from skinbake.cli.job import Order, bake_job
 from skinbake.cli.progress import BatchProgress
-from skinbake.errors import InputError, SkinbakeError
+from skinbake.errors import SkinbakeError
 from skinbake.io.atomic import write_text
 from skinbake.io.batch_file import Batch, BatchJob
 from skinbake.io.contact_sheet import Cell, write_contact_sheet
 from skinbake.io.fingerprint import code_key
+from skinbake.io.lock import file_lock
 
 NAME, SHEET = "batch.json", "batch.png"
 GOOD = ("done", "fresh")
@@ -32,7 +32,6 @@ class Plan:
     """What the command line asks for."""
 
     batch: Batch
-    only: tuple[str, ...] = ()
     workers: int = 1
     keep_going: bool = True
     force: bool = False
@@ -44,18 +43,8 @@ class Plan:
 
     @property
     def selected(self) -> tuple[BatchJob, ...]:
-        """Jobs that `only` names.
-
-        Raises
-        ------
-        InputError
-            A name that fits none.
-        """
-        jobs = self.batch.jobs
-        for pattern in self.only:
-            if not any(fnmatchcase(job.name, pattern) for job in jobs):
-                raise InputError(f"--only {pattern}: expected one of {', '.join(job.name for job in jobs)}")
-        return tuple(job for job in jobs if not self.only or any(fnmatchcase(job.name, p) for p in self.only))
+        """Jobs that are wanted."""
+        return tuple(job for job in self.batch.jobs if job.wanted)
 
     def order(self, job: BatchJob) -> Order:
         """What the job's process needs to know."""
@@ -92,11 +81,12 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
             figure: sum(result.get("cache", {}).get(figure, 0) for result in results.values())
             for figure in ("hits", "misses")
         },
-        "jobs": _entries(plan, results),
     }
-    write_text(plan.batch.folder / NAME, json.dumps(report, indent=1) + "\n")
-    if plan.preview:
-        _sheet(plan.batch, report["jobs"])
+    with file_lock(plan.batch.folder / ".batch.lock"):  # another batch may bake other looks of the file
+        report["jobs"] = _entries(plan, results)
+        write_text(plan.batch.folder / NAME, json.dumps(report, indent=1) + "\n")
+        if plan.preview:
+            _sheet(plan.batch, report["jobs"])
     _summary(report, plan.batch.folder, console)
     return report
 

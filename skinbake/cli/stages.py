@@ -21,7 +21,8 @@ from skinbake.cli.keys import blur_key, diffuse_key, light_key, profile_key, ras
 from skinbake.cli.shared import atlas_entry, atlas_of_entry, light_entries, merged_lights
 from skinbake.cli.workshop import Workshop
 from skinbake.diffuse import DiffuseMap
-from skinbake.io.fingerprint import input_hashes, key_of
+from skinbake.errors import InputError
+from skinbake.io.fingerprint import input_hashes, input_stamps, key_of
 from skinbake.io.irradiance import light_keys, read_irradiance, tile_path, write_irradiance
 from skinbake.io.lobes import lobe_name, read_summary, write_lobes
 from skinbake.io.lock import folder_lock
@@ -57,6 +58,7 @@ class Stages:
         self.verbosity = verbosity
         self.workshop = workshop or Workshop()
         self.timings: dict[str, float] = {}
+        self._stamps: dict[Path, tuple[int, ...] | None] = {}
         self._inner = [0.0]  # seconds of the stages inside each one that runs
         self.reused: dict[str, bool] = {}
         self.traced: tuple[str, ...] = ()
@@ -95,7 +97,16 @@ class Stages:
     @cached_property
     def inputs(self) -> dict[str, str]:
         """sha256 of every file the look reads, by role."""
+        self._stamps = input_stamps(self.spec)
         return input_hashes(self.spec)
+
+    def _check_inputs(self) -> None:
+        """What was read is what was hashed, or results would be kept under the key of something else."""
+        for path, stamp in input_stamps(self.spec).items():
+            if self._stamps.get(path) != stamp:
+                raise InputError(
+                    f"{path}: expected a file that stays as it is during a bake; it was changed, run again"
+                )
 
     @cached_property
     def scene(self) -> pipeline.SceneData:
@@ -107,7 +118,9 @@ class Stages:
 
         def read() -> pipeline.SceneData:
             with self.timed("read"):
-                return read_scene(self.spec)
+                scene = read_scene(self.spec)
+            self._check_inputs()
+            return scene
 
         return self.workshop.last("scene", key, read)
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from skinbake.errors import ConfigError
+from skinbake.errors import ConfigError, InputError
 from skinbake.io.config import apply_overrides, merge_preset, parse_look, put, resolve_paths
 from skinbake.io.merge import lay_over, part_of
 from skinbake.io.yaml_lines import Located, dotted, read_yaml
@@ -25,6 +26,7 @@ class BatchJob:
     name: str
     spec: SceneSpec
     choices: Mapping[str, str]
+    wanted: bool = True
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,15 @@ class Batch:
     jobs: tuple[BatchJob, ...]
 
 
-def load_batch(path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None) -> Batch:
-    """Read a batch file; `overrides` (`dotted.key=value`) go over every look, `out` replaces `output.dir`.
+def load_batch(
+    path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None, only: Sequence[str] = ()
+) -> Batch:
+    """Read a batch file; `overrides` (`dotted.key=value`) go over its looks, `out` replaces `output.dir`.
+
+    Parameters
+    ----------
+    only : sequence of str
+        Names, a `*` in them stands for any letters: the jobs that are wanted. Overrides go over these alone.
 
     Raises
     ------
@@ -49,13 +58,18 @@ def load_batch(path: Path | str, overrides: Sequence[str] = (), out: Path | str 
     _name_with_text(located.value)
     spec = parse(BatchSpec, located.value, lambda key, sentence: _say(located, key, sentence))
     folder = Path(out).absolute() if out is not None else None
+    plans = expand(spec)
+    for pattern in only:
+        if not any(fnmatchcase(plan.name, pattern) for plan in plans):
+            raise InputError(f"--only {pattern}: expected one of {', '.join(plan.name for plan in plans)}")
     jobs, faults = [], dict[str, list[str]]()
-    for plan in expand(spec):
+    for plan in plans:
+        wanted = not only or any(fnmatchcase(plan.name, pattern) for pattern in only)
         try:
-            look = _look(located, plan, path.absolute().parent, overrides, folder)
+            look = _look(located, plan, path.absolute().parent, overrides if wanted else (), folder)
             folder = folder or Path(look.output.dir)
             inside = look.output.model_copy(update={"dir": str(folder / plan.name)})
-            jobs.append(BatchJob(plan.name, look.model_copy(update={"output": inside}), plan.choices))
+            jobs.append(BatchJob(plan.name, look.model_copy(update={"output": inside}), plan.choices, wanted))
         except ConfigError as error:
             for fault in error.faults:
                 faults.setdefault(fault, []).append(plan.name)

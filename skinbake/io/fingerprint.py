@@ -83,3 +83,16 @@ def digest_of(paths: tuple[Path, ...]) -> str:
 def input_hashes(spec: SceneSpec) -> dict[str, str]:
     """Digest of each role's file or files."""
     return {role: digest_of(paths) for role, paths in input_files(spec).items()}
+
+
+def input_stamps(spec: SceneSpec) -> dict[Path, tuple[int, ...] | None]:
+    """Time, size and place of every input, None where it is gone: they tell whether a file was changed meanwhile."""
+    return {path: _stamp(path) for paths in input_files(spec).values() for path in paths}
+
+
+def _stamp(path: Path) -> tuple[int, ...] | None:
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size, status.st_ino

@@ -76,7 +76,7 @@ def _known(rgb: NDArray[np.float32], coverage: NDArray[np.floating] | None) -> N
 
 
 def _write(path: Path, part: Part, known: NDArray[np.bool_]) -> None:
-    import OpenImageIO as oiio  # noqa: TID251  (io.image reads through it; textures for renderers are written here)
+    import OpenImageIO as oiio
 
     rgba = np.dstack([part.rgb * known[..., None], known.astype(np.float32)])
     image = oiio.ImageBuf(np.ascontiguousarray(rgba, np.float32))
