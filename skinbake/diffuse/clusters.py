@@ -8,6 +8,7 @@ adapts to the local stretch by itself, and costs one pass over the texels.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numba import njit, prange
@@ -120,6 +121,17 @@ def _single_texels(
     block = np.zeros((len(index), _MOMENTS), np.float32)
     block[:, 0], block[:, 1:4], block[:, 5:8] = points.area_mm2[index], points.position[index], points.normal[index]
     return block, radiosity[points.flat_index[index]]
+
+
+def contrast(points: TexelPoints, radiosity: NDArray[np.float32], pyramid: MomentPyramid) -> NDArray[np.float32]:
+    """How much the light changes around each point, over 4, 16 and 64 texels: where errors will be."""
+    row, col = np.divmod(points.flat_index, points.row.shape[1])
+    means = [radiosity[points.flat_index].sum(axis=1)]
+    for level in (2, 4, 6):
+        if level <= len(pyramid.radiosity):
+            means.append(pyramid.radiosity[level - 1][row >> level, col >> level].sum(axis=1))
+    changes = [np.abs(fine - coarse) for fine, coarse in pairwise(means)]
+    return np.sum(changes, axis=0, dtype=np.float32) if changes else np.zeros(len(row), np.float32)
 
 
 @njit(cache=True, parallel=True)

@@ -14,7 +14,7 @@ from skinbake.diffuse.diffuser import Diffuser, Tiles
 from skinbake.diffuse.error import measure_error, weighted_sum
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.plan import LobePlan, plan_lines, plan_lobes
-from skinbake.diffuse.probes import VERIFY, Probes, draw_probes
+from skinbake.diffuse.probes import VERIFY, Probes, draw_probes, squeezed_share
 from skinbake.diffuse.remember import Remember, RememberingDiffuser
 from skinbake.errors import InputError
 from skinbake.numerics import Float
@@ -98,6 +98,11 @@ def diffuse(
         tell("measuring the error")
         points = [p for p, _, _ in diffuser.surface.tiles]
         probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY)
+        squeezed = squeezed_share(points)
+        if squeezed > 0:
+            lines.append(
+                PlanLine("squeezed skin", False, f"{squeezed:.2%} of the skin has no texture to speak of: not judged")
+            )
         if len(probes):
             error, by_lobe = _errors(diffuser, plans, made, gaussians, probes, precision)
     met = error is None or error.rms <= spec.tolerance

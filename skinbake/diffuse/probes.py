@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ class Probes:
     position, normal : ndarray of shape (P, 3), float32
         As in `TexelPoints`.
     texel_mm2 : ndarray of shape (P,), float32
+    weight : ndarray of shape (P,), float64
+        For means over the skin; 1 unless drawn with a preference.
     """
 
     tile: NDArray[np.int32]
@@ -40,30 +42,49 @@ class Probes:
     position: NDArray[np.float32]
     normal: NDArray[np.float32]
     texel_mm2: NDArray[np.float32]
+    weight: Float = field(default_factory=lambda: np.ones(1))
 
     def __len__(self) -> int:
         return len(self.tile)
 
 
 def draw_probes(
-    atlas: Atlas, mesh: SkinMesh, points: Sequence[TexelPoints], count: int, seed: int, stream: int = VERIFY
+    atlas: Atlas,
+    mesh: SkinMesh,
+    points: Sequence[TexelPoints],
+    count: int,
+    seed: int,
+    stream: int = VERIFY,
+    preference: NDArray[np.float32] | None = None,
 ) -> Probes:
     """`count` texels, each drawn with a chance proportional to its skin area, independently.
 
-    A texel counts for at most SQUEEZED times the mean: skin that the UVs squeeze into almost no texture is shown by a
-    few texels whatever a bake does, and would otherwise be most of what is judged (`squeezed_share` says how much).
+    Texels that hold more skin than SQUEEZED mean ones are left out: what the UVs squeeze into almost no texture is
+    shown wrongly by any bake, and would be most of what is judged (`squeezed_share` says how much skin that is).
+
+    Parameters
+    ----------
+    preference : ndarray of shape (T,), optional
+        Not negative, by row of all points: half of the probes are drawn in proportion to it too, and weighed back.
     """
     rng = np.random.default_rng([seed, stream])
     area = np.concatenate([p.area_mm2 for p in points]).astype(np.float64)
-    area = np.minimum(area, SQUEEZED * _mean_area(area))
+    area[area > SQUEEZED * _mean_area(area)] = 0
+    weight = np.ones(count)
+    chance = area
+    if preference is not None and (area * preference).sum() > 0:
+        preferred = area * preference
+        chance = 0.5 * area / area.sum() + 0.5 * preferred / preferred.sum()
     owner = np.repeat(np.arange(len(points), dtype=np.int32), [len(p.area_mm2) for p in points])
     within = np.concatenate([np.arange(len(p.area_mm2)) for p in points])
-    total = np.cumsum(area)
+    total = np.cumsum(chance)
     if len(total) == 0 or total[-1] <= 0:
         count = 0
     drawn = np.searchsorted(total, rng.random(count) * (total[-1] if count else 0.0), side="right")
     drawn = np.sort(np.minimum(drawn, len(total) - 1))
     tile, row = owner[drawn], within[drawn]
+    if chance is not area:
+        weight = area[drawn] / area.sum() / (chance[drawn] / total[-1])
     flat = np.zeros(count, np.int64)
     place = np.zeros((count, 2))
     position, normal = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
@@ -76,14 +97,14 @@ def draw_probes(
         place[mine] = _places(
             raster.face_index, raster.barycentric, p.flat_index[r], mesh.corner_uv, tile_origin(raster.tile)
         )
-    return Probes(tile, flat, place, position, normal, texel_mm2)
+    return Probes(tile, flat, place, position, normal, texel_mm2, weight)
 
 
 def squeezed_share(points: Sequence[TexelPoints]) -> float:
-    """Share of the skin beyond SQUEEZED mean texels in one texel."""
+    """Share of the skin in texels that hold more of it than SQUEEZED mean ones."""
     area = np.concatenate([p.area_mm2 for p in points]).astype(np.float64)
     total = area.sum()
-    return float(np.maximum(area - SQUEEZED * _mean_area(area), 0).sum() / total) if total > 0 else 0.0
+    return float(area[area > SQUEEZED * _mean_area(area)].sum() / total) if total > 0 else 0.0
 
 
 def _mean_area(area_mm2: Float) -> float:
