@@ -96,7 +96,10 @@ def read_map(path: Path | str, channels: int, assume: str = "auto", color_space:
         is_integer = np.issubdtype(pixels.dtype, np.integer)
         said_linear, said_srgb = "lin" in file_space, "srgb" in file_space
         color_space = "srgb" if said_srgb or (is_integer and not said_linear) else "linear"
-    values = _decode(pixels, color_space)
+    with np.errstate(over="ignore"):  # float64 beyond float32 becomes infinite, and is then refused as such
+        values = _decode(pixels, color_space)
+    if not np.issubdtype(pixels.dtype, np.integer):
+        _refuse_non_finite(path, values)
 
     colours = values[..., : 3 if values.shape[2] >= 3 else 1]
     if channels == 1:

@@ -25,7 +25,7 @@ class _Entry(BaseModel):
     file: str
     tiles: dict[str, str] = {}
     weight_rgb: tuple[float, float, float]
-    variance_mm2: float | None = None
+    variance_mm2: float
     method: str = ""
 
 

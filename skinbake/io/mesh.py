@@ -54,7 +54,8 @@ def read_mesh(
     if not parts or not sum(len(faces) for _, faces, _, _ in parts):
         raise InputError(f"{path}: expected triangles, got none")
     offsets = np.cumsum([0] + [len(positions) for positions, *_ in parts])
-    positions = np.concatenate([p for p, *_ in parts]) * mm_per_unit
+    with np.errstate(over="ignore"):  # what overflows is infinite, and refused
+        positions = np.concatenate([p for p, *_ in parts]) * mm_per_unit
     _check_positions(path, positions)
     faces = np.concatenate([f + o for (_, f, _, _), o in zip(parts, offsets[:-1], strict=True)])
     if not any_size:

@@ -109,7 +109,7 @@ def _markdown(title: str, sweep: Sweep, rows: Sequence[Row], note: str) -> list[
     used = {row.reference for row in rows}
     lines = [f"# {title}", "", note, "", "What the columns mean:", ""]
     lines += [
-        "* **rms** is the error of the diffuse light (all lights together; half and bilinear reading included) at points",
+        "* **rms** is the error of the diffuse light (all lights together, as stored and read bilinearly) at points",
         "  drawn by area over the skin, the same for every row, relative to the reference of its table:",
         "  ||M - M*|| / ||M*||; **p95** and **max** are relative to the mean of M*.",
         "* **seconds** is the whole bake without its preview, **diffuse** the blurring alone: medians, each run in a",

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skinbake.pipeline import energy_conservation
 from skinbake.scene.skin import DipoleSkin, LayerSpec, MultipoleSkin, TransportSkin
 from skinbake.scene.spec import SceneSpec
 
@@ -65,7 +66,9 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     extent : "quick", "default" or "full"
     """
     level = EXTENTS.index(extent)
-    base = (_size(size, 1), "diffusion.probes=0", "terms.transmission=off")
+    # Terms that `auto` decides by the tolerance must not change along the way
+    oil = "on" if energy_conservation(spec).kept else "off"
+    base = (_size(size, 1), "diffusion.probes=0", "terms.transmission=off", f"terms.energy_conservation={oil}")
     finest_skin = _finest_skin(spec)
     references = [
         Reference(

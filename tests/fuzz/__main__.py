@@ -48,7 +48,17 @@ def fuzz(name: str, seed: int, seconds: float, keep: Path) -> int:
     end, inputs, refused, places = time.monotonic() + seconds, 0, 0, dict[str, str]()
     while (left := end - time.monotonic()) > 1:
         with TemporaryDirectory() as folder:
-            command = [sys.executable, "-m", "tests.fuzz", "--child", name, "--seed", str(seed), "--minutes", str(left / 60)]
+            command = [
+                sys.executable,
+                "-m",
+                "tests.fuzz",
+                "--child",
+                name,
+                "--seed",
+                str(seed),
+                "--minutes",
+                str(left / 60),
+            ]
             done = subprocess.run([*command, "--keep", folder], capture_output=True, text=True, check=False)
             report = json.loads(line) if (line := done.stdout.rpartition("REPORT ")[2].strip()).startswith("{") else {}
             notes = Path(folder) / "notes.json"
@@ -69,7 +79,10 @@ def fuzz(name: str, seed: int, seconds: float, keep: Path) -> int:
                     where += f"\n    {target}"
                 print(f"{name}: {where}", flush=True)
         seed += 1
-    print(f"{name:<10} {inputs:>8} inputs, {refused / max(inputs, 1):4.0%} refused, {len(places)} findings, {seconds:.0f} s", flush=True)
+    print(
+        f"{name:<10} {inputs:>8} inputs, {refused / max(inputs, 1):4.0%} refused, {len(places)} findings, {seconds:.0f} s",
+        flush=True,
+    )
     return len(places)
 
 
@@ -96,7 +109,11 @@ def child(name: str, seed: int, seconds: float, folder: Path) -> int:
         try:
             report["refused"] += survives(target, suffix, content, work) == "refused"
         except BaseException as error:
-            frames = [f for f in traceback.extract_tb(error.__traceback__) if "skinbake/skinbake" in f.filename or "/skinbake/" in f.filename]
+            frames = [
+                f
+                for f in traceback.extract_tb(error.__traceback__)
+                if "skinbake/skinbake" in f.filename or "/skinbake/" in f.filename
+            ]
             here = traceback.extract_tb(error.__traceback__)[-1]
             places = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in [here, *frames[::-1][:2]])
             where = f"{type(error).__name__} at {places}: {str(error)[:120]!r}"

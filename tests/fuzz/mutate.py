@@ -8,18 +8,35 @@ from typing import Any
 
 import yaml
 
-NUMBERS = (b"\x00", b"\xff", b"\x7f", b"\x80", b"\xff\xff\xff\xff", b"\x00\x00\xc0\x7f", b"\x00\x00\x80\x7f", b"\xff\xff\xff\x7f")
+NUMBERS = (
+    b"\x00",
+    b"\xff",
+    b"\x7f",
+    b"\x80",
+    b"\xff\xff\xff\xff",
+    b"\x00\x00\xc0\x7f",
+    b"\x00\x00\x80\x7f",
+    b"\xff\xff\xff\x7f",
+)
+# fmt: off
 TOKENS = (
-    ".inf", "-.inf", ".nan", "nan", "1e400", "-1", "0", "1e308", "1e-320", "9" * 30, "null", "~", "[]", "{}", "[[]]", "on", "no",
-    "''", '"', "'", "&a", "*a", "<<: *a", "!!binary AA==", "!!python/object:os.system", "!!timestamp 2001-01-01", "!!set {a}",
-    "!!float", "!!int x", "? x", ": ", "- ", "|", ">", "%", "@", "`", "\t", "\0", "\ufeff", "\u2028", "1:30:00", "0x1F", "0o7", "1_0",
-    "${X}", "${HOME}", "${", "~root", "<UDIM>", "/", "..", "//", "999999999", "-0", "1/2/3", "1//1", "f 1 2 3", "f -1 -2 -3", "v 0 0 0",
+    ".inf", "-.inf", ".nan", "nan", "1e400", "-1", "0", "1e308", "1e-320", "9" * 30, "null", "~", "[]", "{}",
+    "[[]]", "on", "no",
+    "''", '"', "'", "&a", "*a", "<<: *a", "!!binary AA==", "!!python/object:os.system", "!!timestamp 2001-01-01",
+    "!!set {a}",
+    "!!float", "!!int x", "? x", ": ", "- ", "|", ">", "%", "@", "`", "\t", "\0", "\ufeff", "\u2028", "1:30:00",
+    "0x1F", "0o7", "1_0",
+    "${X}", "${HOME}", "${", "~root", "<UDIM>", "/", "..", "//", "999999999", "-0", "1/2/3", "1//1", "f 1 2 3",
+    "f -1 -2 -3", "v 0 0 0",
     "vt 0 0", "vn 0 0 1", "usemtl x", "mtllib x.mtl", "o", "g", "s 1", "l 1 2", "#", "\\\n",
-)  # fmt: skip
+)
 VALUES: tuple[Any, ...] = (
-    None, True, False, 0, -1, 1, 2**70, 1e308, 1e-320, -0.0, float("inf"), float("-inf"), float("nan"), "", "x", "auto", "1", "\0",
-    "${X}", "<UDIM>", "~", [], {}, [0], [0, 0, 0], [[]], [{}], {"": 0}, {"path": None}, {0: 1}, {"name": "key"}, [1, 2], ["a"] * 3, b"\x00",
-)  # fmt: skip
+    None, True, False, 0, -1, 1, 2**70, 1e308, 1e-320, -0.0, float("inf"), float("-inf"), float("nan"), "", "x",
+    "auto", "1", "\0",
+    "${X}", "<UDIM>", "~", [], {}, [0], [0, 0, 0], [[]], [{}], {"": 0}, {"path": None}, {0: 1}, {"name": "key"},
+    [1, 2], ["a"] * 3, b"\x00",
+)
+# fmt: on
 
 
 def damaged_bytes(data: bytes, other: bytes, rng: Random) -> bytes:
@@ -111,5 +128,7 @@ def _holders(value: Any) -> Any:
 def damaged_yaml(text: str, rng: Random) -> str:
     """Half the time the tree, else the text."""
     if rng.random() < 0.5:
-        return yaml.safe_dump(damaged_tree(yaml.safe_load(text), rng), default_flow_style=rng.choice([None, True, False]))
+        return yaml.safe_dump(
+            damaged_tree(yaml.safe_load(text), rng), default_flow_style=rng.choice([None, True, False])
+        )
     return damaged_text(text, rng)

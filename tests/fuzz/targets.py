@@ -1,4 +1,4 @@
-"""What is fuzzed: valid files to start from, how they are damaged, and what must hold of whatever is read from the damage.
+"""What is fuzzed: valid files to start from, how they are damaged, what must hold of whatever is read from the damage.
 
 A target's `read` may end in a SkinbakeError or in a value whose promises hold. Anything else is a finding: another
 exception, a warning, a crash, a hang, memory beyond the limit.
@@ -15,7 +15,6 @@ from functools import cache
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
@@ -45,16 +44,22 @@ def survives(target: Target, suffix: str, content: bytes, folder: Path) -> str:
         try:
             target.read(path)
         except SkinbakeError as error:
-            assert str(error).strip(), "an error without a message"
-            return "refused"
-    return "read"
+            refusal = str(error)
+        else:
+            return "read"
+    assert refusal.strip(), "an error without a message"
+    return "refused"
 
 
 # Configuration -------------------------------------------------------------------------------------------------------
 
 WHOLE_LOOK = """\
 mesh: {path: head.obj, mm_per_unit: 50.35, flip_v: false}
-maps: {albedo: {path: a.png, color_space: srgb}, normal: {path: n.png, green: directx, strength: 0.5}, roughness: r.png, specular: null}
+maps:
+  albedo: {path: a.png, color_space: srgb}
+  normal: {path: n.png, green: directx, strength: 0.5}
+  roughness: r.png
+  specular: null
 texture: {size: [64, 32], gutter: 4, udim: true}
 skin:
   model: multipole
@@ -66,8 +71,14 @@ skin:
 lights:
   - {name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}
   - {name: rim, type: point, position_mm: [0, 0, 100], intensity: [1, 1, 1]}
-  - {name: spot, type: spot, position_mm: [0, 9, 100], intensity: [1, 1, 1], axis: [0, 0, -1], inner_deg: 10, outer_deg: 20}
-  - {name: soft, type: rectangle, position_mm: [0, 0, 100], edge_u_mm: [9, 0, 0], edge_v_mm: [0, 9, 0], radiance: [1, 1, 1], samples: 16}
+  - {name: spot, type: spot, position_mm: [0, 9, 100], intensity: [1, 1, 1], axis: [0, 0, -1], outer_deg: 20}
+  - name: soft
+    type: rectangle
+    position_mm: [0, 0, 100]
+    edge_u_mm: [9, 0, 0]
+    edge_v_mm: [0, 9, 0]
+    radiance: [1, 1, 1]
+    samples: 16
   - {name: sky, type: environment, path: sky.exr, scale: 2, rotate_deg: 90}
 shadows: off
 diffusion: {method: surface, tolerance: 0.01, separate: true, normalise: false, probes: 100}
@@ -117,7 +128,7 @@ def skin_seeds() -> Seeds:
     models = (
         "model: burley\nd_mm: [0.7, 0.3, 0.2]\n",
         "model: burley\nmean_free_path_mm: 1\nalbedo_rgb: 0.8\nmean_free_path: diffuse\n",
-        "model: dipole\nsigma_a_per_mm: 0.1\nsigma_sp_per_mm: [1, 2, 3]\nvariant: better\nfit: {gaussians: 4, signed: true}\n",
+        "model: dipole\nsigma_a_per_mm: 0.1\nsigma_sp_per_mm: [1, 2, 3]\nvariant: better\nfit: {signed: true}\n",
         "model: transport\nlayers: [{sigma_a_per_mm: 1, sigma_sp_per_mm: 2, g: 0.8}]\nphotons: 100\n",
         "model: table\npath: x.csv\n",
         "model: physiology\nmelanin: 0.1\n",
@@ -126,14 +137,28 @@ def skin_seeds() -> Seeds:
     return tuple((".yaml", text.encode()) for text in models)
 
 
+RIGHT_OVERRIDES = (
+    "texture.size=64", "lights.key.irradiance=[3, 2, 1]", "lights.1.intensity=[0, 0, 0]",
+    "skin.layers[0].eta=1.3", "maps.albedo=x.png",
+    "maps.albedo.path=y.png", "output.dir=elsewhere", "skin.fit={gaussians: 4}", "diffusion={}",
+    "lights.sky.path=a.hdr", "shadows=on",
+)  # fmt: skip
+
+
 def damage_overrides(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
     """Lines of `dotted.key=value`, right and wrong."""
-    keys = ["mesh", "path", "lights", "key", "0", "7", "-1", "skin", "layers", "1", "eta", "fit", "gaussians", "texture", "size", "maps",
+    keys = ["mesh", "path", "lights", "key", "0", "7", "-1", "skin", "layers", "1", "eta", "fit", "gaussians",
+    "texture", "size", "maps",
             "albedo", "output", "dir", "", "[0]", "a b", "name", "irradiance", "preset", "<<", "é"]  # fmt: skip
     lines = []
     for _ in range(rng.randrange(1, 4)):
+        if rng.random() < 0.6:
+            lines.append(rng.choice(RIGHT_OVERRIDES))
+            continue
         name = rng.choice([".", ".", "[", "]", ".."]).join(rng.choices(keys, k=rng.randrange(1, 5)))
-        value = rng.choice([rng.choice(TOKENS), damaged_text("[1, {a: 2}]", rng), str(rng.uniform(-3, 3)), "donner-three-layer"])
+        value = rng.choice(
+            [rng.choice(TOKENS), damaged_text("[1, {a: 2}]", rng), str(rng.uniform(-3, 3)), "donner-three-layer"]
+        )
         lines.append(name + rng.choice(["=", "=", "=", "", "=="]) + value)
     return ".txt", "\n".join(lines).encode("utf-8", "surrogateescape")
 
@@ -176,11 +201,20 @@ def manifest_seeds() -> Seeds:
     with TemporaryDirectory() as folder:
         look = Path(folder) / "look.yaml"
         look.write_text(WHOLE_LOOK)
-        config = portable_config(load_look(look), Path(folder))
+        bare = [
+            "maps={}",
+            "mesh={path: head.obj, mm_per_unit: 2, any_size: true}",
+            "lights.sky.path=null",
+            "texture.udim=false",
+        ]
+        config = portable_config(load_look(look, [*bare, "lights.sky.radiance=[1, 1, 1]"]), Path(folder))
+        config["mesh"]["path"] = "head.obj"
     lobe = {"file": "lobe_0.exr", "variance_mm2": 0.1, "weight_rgb": [1, 1, 1], "size": [8, 4], "method": "texture"}
     manifest = {
-        "version": "0.1.0", "config": config, "inputs": {"mesh": "0" * 64}, "irradiance": ["irradiance.exr"], "lobes": [lobe],
-        "lights": ["key", "rim", "spot", "soft", "sky"], "texturing": {"mode": "mix", "mix": 0.5}, "terms": {"energy_conservation": True},
+        "version": "0.1.0", "config": config, "inputs": {"mesh": "0" * 64}, "irradiance": ["irradiance.exr"],
+        "lobes": [lobe],
+        "lights": ["key", "rim", "spot", "soft", "sky"], "texturing": {"mode": "mix", "mix": 0.5},
+        "terms": {"energy_conservation": True},
         "timings": {"total": 1.0}, "error": {"rms": 0.01}, "plan": [],
     }  # fmt: skip
     return ((".json", json.dumps(manifest, indent=1).encode()),)
@@ -195,11 +229,30 @@ def damage_json(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
 
 
 def read_manifest_file(path: Path) -> None:
-    """As every reader of a bake folder does."""
+    """As every reader of a bake folder does; the files it names are there."""
     from skinbake.io.bake_folder import read_bake_folder
 
+    for name, content in _baked_files().items():
+        (path.parent / name).write_bytes(content)
     path.rename(path.with_name("bake.json"))
     read_bake_folder(path.parent)
+
+
+@cache
+def _baked_files() -> dict[str, bytes]:
+    """What the manifest speaks of: a mesh, light of five lights on 8 x 4 texels, and one lobe of it."""
+    from skinbake.io.exr import Part, rgb_channels, write_parts
+    from skinbake.io.mesh import write_obj
+
+    lights = ("key", "rim", "spot", "soft", "sky")
+    image, one = np.ones((4, 8, 3), np.float32), np.ones((4, 8), np.float32)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        write_obj(folder / "head.obj", quad())
+        parts = [Part(f"light.{light}", rgb_channels(image) | {"visibility": one}) for light in lights]
+        for file in ("irradiance.exr", "lobe_0.exr"):
+            write_parts(folder / file, [Part("irradiance", rgb_channels(image)), *parts])
+        return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 # Meshes --------------------------------------------------------------------------------------------------------------
@@ -216,7 +269,8 @@ def mesh_seeds(suffix: str) -> Seeds:
             write_obj(path, mesh)
             found.append((suffix, path.read_bytes() if suffix == ".obj" else _exported(path, suffix)))
     if suffix == ".obj":
-        quads = "mtllib a.mtl\no part\ng a b\nusemtl skin\nv 0 0 0 1\nv 9 0 0\nv 9 9 0\nv 0 9 0\nvt 0 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+        quads = "mtllib a.mtl\no part\ng a b\nusemtl skin\nv 0 0 0 1\nv 9 0 0\nv 9 9 0\nv 0 9 0\n"
+        quads += "vt 0 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
         found += [(suffix, f"{quads}s off\nf 1/1 2/2 3/3 4/4\nf -4/-4 -3/-3 -2/-2\nl 1 2\np 1\n".encode())]
     return tuple(found)
 
@@ -263,12 +317,16 @@ def exr_seeds() -> Seeds:
     from skinbake.irradiance import IrradianceMap
 
     image, found = _small_image(), []
-    lights = IrradianceMap(1001, ("key", "rim"), np.stack([image, image]), np.ones((2, 5, 7), np.float32), np.ones((5, 7), np.float32))
+    lights = IrradianceMap(
+        1001, ("key", "rim"), np.stack([image, image]), np.ones((2, 5, 7), np.float32), np.ones((5, 7), np.float32)
+    )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "seed.exr"
         for compression in ("none", "rle", "zips", "zip", "piz"):
             for precision in ("half", "float"):
-                write_irradiance(path, lights, {"key": "a", "rim": "b"}, {"skinbake:version": "0"}, precision, compression)
+                write_irradiance(
+                    path, lights, {"key": "a", "rim": "b"}, {"skinbake:version": "0"}, precision, compression
+                )
                 found.append((".exr", path.read_bytes()))
         from skinbake.io.exr import Part, rgb_channels
 
@@ -356,7 +414,9 @@ def read_table(path: Path) -> None:
 TARGETS = {
     "look": Target(look_seeds, damage_yaml, read_look),
     "skin": Target(skin_seeds, damage_yaml, read_skin),
-    "overrides": Target(look_seeds, damage_overrides, read_overrides),
+    "overrides": Target(
+        lambda: tuple((".txt", line.encode()) for line in RIGHT_OVERRIDES), damage_overrides, read_overrides
+    ),
     "batch": Target(batch_seeds, damage_yaml, read_batch),
     "manifest": Target(manifest_seeds, damage_json, read_manifest_file),
     **{
