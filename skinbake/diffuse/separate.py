@@ -22,7 +22,7 @@ from numba import njit
 _ONE = np.float32(1)
 _TWO = np.float32(2)
 _THREE = np.float32(3)
-_FOUR = np.float32(4)
+_SIXTEEN = np.float32(16)
 _ZERO = np.float32(0)
 
 
@@ -35,11 +35,11 @@ def passes(cos_normals, toward_i, toward_j, distance2):  # type: ignore[no-untyp
     cos_normals : float
         n_i . n_j; apart only below 0, fully from -1/2 (120 degrees) on.
     toward_i, toward_j : float
-        n_i . (x_j - x_i) and n_j . (x_i - x_j), mm; fully apart where the product of both cosines reaches 1/4.
+        n_i . (x_j - x_i) and n_j . (x_i - x_j), mm; fully apart where the product of both cosines reaches 1/16.
     distance2 : float
         |x_j - x_i|^2, mm^2, > 0.
     """
     facing = min(max(-_TWO * cos_normals, _ZERO), _ONE)
-    across = min(_FOUR * max(toward_i, _ZERO) * max(toward_j, _ZERO) / distance2, _ONE)
+    across = min(_SIXTEEN * max(toward_i, _ZERO) * max(toward_j, _ZERO) / distance2, _ONE)
     apart = facing * facing * (_THREE - _TWO * facing) * across * across * (_THREE - _TWO * across)
     return _ONE - apart

@@ -23,7 +23,7 @@ from skinbake.scene.mesh import SkinMesh
 
 PREFILTER_TEXELS2 = 1.75  # of the finer level; aliases of any image stay below 5e-4 of its range
 LEVEL_TEXELS2 = 10.0  # a level may be halved while the lobe's variance there is at least this
-_NO_COVERAGE = 1e-6
+_NO_COVERAGE = 1e-6  # of what one covered texel leaves where it stands
 
 
 @dataclass
@@ -138,7 +138,8 @@ def texture_blur(
     out = np.empty((lights, height, width, 3), np.float32)
     if fallback is None:
         fallback = np.empty((lights, 0, 0, 3), np.float32)
-    normalised_blur(image, level_margin(level), kernels[0], kernels[1], fallback, np.float32(_NO_COVERAGE), out)
+    epsilon = np.float32(_NO_COVERAGE * kernels[0][0] * kernels[1][0])
+    normalised_blur(image, level_margin(level), kernels[0], kernels[1], fallback, epsilon, out)
     return out
 
 
@@ -185,7 +186,7 @@ def texture_at(
             wy = wy[max(-y0, 0) :][: window.shape[0]]
             wx = wx[max(-x0, 0) :][: window.shape[1]]
             summed = np.einsum("i,ijc,j->c", wy, window, wx)
-            out[p] = summed[:-1] / summed[-1] if summed[-1] > _NO_COVERAGE else 0.0
+            out[p] = summed[:-1] / summed[-1] if summed[-1] > _NO_COVERAGE * wy.max() * wx.max() else 0.0
     return out
 
 

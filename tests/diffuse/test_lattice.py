@@ -1,0 +1,74 @@
+"""Kernels have the variance they are asked for, however narrow."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skinbake.diffuse.lattice import discrete_gaussian, lattice_gaussian, residual_kernel, sampled_gaussian
+
+
+def _moments(half):
+    full = np.concatenate([half[:0:-1], half])
+    n = np.arange(len(full)) - (len(half) - 1)
+    return full, full.sum(), (full * n**2).sum()
+
+
+def test_discrete_gaussian_equals_the_theory_s_test_vector():
+    """T(n; 0.09) of THEORY section 11."""
+    np.testing.assert_allclose(discrete_gaussian(0.09)[:4], [0.9157828331, 0.0411685584, 9.2598010e-4, 1.3887e-5], rtol=1e-4)
+
+
+@given(st.floats(0, 3e4))
+def test_discrete_gaussian_sums_to_one_and_spreads_by_t(t):
+    """For every width, also past where scipy's Bessel function stops."""
+    _, total, variance = _moments(discrete_gaussian(t))
+    assert total == pytest.approx(1, abs=1e-12)
+    assert variance == pytest.approx(t, rel=2e-5, abs=1e-6)
+
+
+def test_discrete_gaussian_is_additive():
+    """T(3) * T(4) = T(7)."""
+    three, four = (_moments(discrete_gaussian(t, 1e-14))[0] for t in (3, 4))
+    both = np.convolve(three, four)
+    seven = discrete_gaussian(7, 1e-14)
+    np.testing.assert_allclose(both[len(both) // 2 :][: len(seven)], seven, atol=1e-12)
+
+
+def test_residual_kernel_has_both_cumulants():
+    """Variance and fourth cumulant are the wanted ones."""
+    full, _, variance = _moments(residual_kernel(2.5, 0.7))
+    n = np.arange(len(full)) - len(full) // 2
+    assert variance == pytest.approx(2.5, rel=1e-4)
+    assert (full * n**4).sum() - 3 * variance**2 == pytest.approx(0.7, rel=5e-3)
+
+
+def test_sampled_gaussian_lies_where_it_is_put():
+    """Its mean is the offset, between texels too."""
+    first, weights = sampled_gaussian(1.75, 0.37)
+    at = first + np.arange(len(weights))
+    assert (weights * at).sum() == pytest.approx(0.37, abs=1e-6)
+    assert (weights * (at - 0.37) ** 2).sum() == pytest.approx(1.75, rel=1e-4)
+
+
+@pytest.mark.parametrize("t", [3e-3, 0.02, 0.09, 0.3, 0.6, 0.88, 1.0, 5.0])
+def test_lattice_gaussian_spreads_a_lattice_by_what_was_asked(t):
+    """The variance of the sampled, widened Gaussian is t, and `gain` makes its sum 2 pi t."""
+    parameter, gain = lattice_gaussian(t, np.ones(1, np.float32))
+    n = np.arange(-40, 41)
+    w = np.exp(-(n**2) / (2 * float(parameter[0])))
+    assert (w * n**2).sum() / w.sum() == pytest.approx(t, rel=2e-3)
+    assert w.sum() ** 2 * gain[0] == pytest.approx(2 * np.pi * t, rel=2e-3)
+
+
+def test_a_sum_of_no_lattice_is_left_alone():
+    """texel 0 means: not a texel."""
+    parameter, gain = lattice_gaussian(0.01, np.zeros(1, np.float32))
+    assert parameter[0] == np.float32(0.01)
+    assert gain[0] == 1
+
+
+def test_negative_variance_is_refused():
+    """A fault upstream, not a kernel."""
+    with pytest.raises(ValueError, match=">= 0"):
+        discrete_gaussian(-1)

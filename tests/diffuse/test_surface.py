@@ -1,0 +1,241 @@
+"""Surface sums equal the brute-force integral, know no seams, and keep facing skin apart."""
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from skinbake.atlas import interpolate, rasterize
+from skinbake.diffuse.diffuser import Diffuser
+from skinbake.diffuse.points import texel_points
+from skinbake.diffuse.probes import draw_probes
+from skinbake.diffuse.reference import reference_integral
+from skinbake.diffuse.separate import passes
+from skinbake.diffuse.surface import surface_blur, surface_light
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import DiffusionSpec
+from tests.diffuse.exact import brute_force
+from tests.shapes import joined, quad, relief, sphere
+
+
+def _lit(mesh, atlas, direction=(0.4, 0.5, 0.77), lights=1):
+    """N.L with a hard shadow edge, (L, H, W, 3) a tile."""
+    tiles = []
+    for raster in atlas:
+        position, normal = interpolate(raster, mesh.corner_position_mm), interpolate(raster, mesh.corner_normal)
+        e = np.maximum(normal @ np.asarray(direction, np.float32), 0) * (position[..., 0] + 0.3 * position[..., 1] < 5)
+        tint = np.array([[1, 0.8, 0.6], [0.2, 0.5, 1.5], [3, 0, 1]], np.float32)[:lights]
+        tiles.append((e[None, ..., None] * tint[:, None, None]).astype(np.float32))
+    return tiles
+
+
+def _bumps(height_mm=18.0):
+    mesh = relief(60, height_mm)
+    atlas = rasterize(mesh, (130, 117))
+    return mesh, atlas, _lit(mesh, atlas)
+
+
+@pytest.mark.parametrize("variance", [0.02, 0.3, 3.0, 40.0])
+@pytest.mark.parametrize("separate", [True, False])
+def test_reference_equals_brute_force(variance, separate):
+    """To 1e-6, for lobes from a third of a texel up: nothing of the neighbour search shows."""
+    mesh, atlas, (light,) = _bumps()
+    flat = surface_light([light[0]], atlas, mesh)
+    clusters, rows = flat.texels
+    points = flat.tiles[0][0]
+    pick = np.flatnonzero(points.area_mm2 > 0)[::301]
+    coarse = np.full(len(pick), 1e-6, np.float32)  # lobes are not widened to the lattice here
+    got = reference_integral(
+        rows, clusters.area_mm2[rows.order], points.position[pick], points.normal[pick], coarse, variance, separate
+    )
+    want = brute_force(
+        points.position[pick], points.normal[pick], clusters.position, clusters.normal, clusters.area_mm2,
+        clusters.radiosity.astype(float), variance, separate,
+    )  # fmt: skip
+    np.testing.assert_allclose(got, want, atol=1e-6)
+
+
+@pytest.mark.parametrize(("spacing", "allowed"), [(0.0, 2e-4), (0.8, 2e-3), (1.2, 4e-3)])
+@pytest.mark.parametrize("variance", [0.05, 0.6, 6.0])
+def test_clusters_are_as_wrong_as_their_spacing(spacing, allowed, variance):
+    """Against the reference at every texel of a bump, relative rms."""
+    mesh, atlas, (light,) = _bumps()
+    diffuser = Diffuser([light], atlas, mesh, DiffusionSpec())
+    points = diffuser.surface.tiles[0][0]
+    exact = diffuser.map("reference", variance, 0, 0.0)[0]
+    target = [dataclasses.replace(points)]
+    got = surface_blur(diffuser.surface, target, variance, spacing=spacing)[0]
+    inside = atlas[0].coverage > 0.99
+    assert np.linalg.norm((got - exact[0])[inside]) < allowed * np.linalg.norm(exact[0][inside])
+
+
+def test_a_flat_wave_is_damped_as_the_plane_s_integral_says():
+    """exp(-v k^2 / 2) on a stretched quad, 2 mm x 0.5 mm texels."""
+    mesh = quad(200, 50)
+    atlas = rasterize(mesh, (100, 100))
+    x = interpolate(atlas[0], mesh.corner_position_mm)[..., 0]
+    k = 2 * np.pi / 40
+    light = np.repeat((0.5 + 0.4 * np.cos(k * x))[None, ..., None], 3, axis=3).astype(np.float32)
+    diffuser = Diffuser([light], atlas, mesh, DiffusionSpec())
+    got = diffuser.map("surface", 25.0, 0, 0.5)[0][0, 50, :, 1]
+    want = 0.5 + 0.4 * np.exp(-25 * k**2 / 2) * np.cos(k * x[50])
+    np.testing.assert_allclose(got[15:-15], want[15:-15], atol=2e-3)
+
+
+@pytest.mark.parametrize("method", ["texture", "stretch", "surface", "reference"])
+@pytest.mark.parametrize("variance", [1e-4, 0.5, 50.0])
+def test_constant_light_stays_constant(method, variance):
+    """To 1e-5, by every method, over seams, borders and stretch."""
+    mesh = sphere(20, "cube", 16)
+    atlas = rasterize(mesh, (60, 45), gutter=3)
+    light = np.where(atlas[0].addressed[..., None], np.float32(3.7), np.float32(0))[None] * np.ones(3, np.float32)
+    got = Diffuser([light], atlas, mesh, DiffusionSpec()).map(method, variance, 0, 0.8)[0]
+    np.testing.assert_allclose(got[0][atlas[0].covered], 3.7, rtol=1e-5)
+
+
+@pytest.mark.parametrize("radius", [20, 50, 100])
+def test_three_layouts_of_a_sphere_agree(radius):
+    """Latitude-longitude, cube faces, cube on two UDIM tiles: the same light leaves the same point."""
+    direction = np.random.default_rng(3).normal(size=(400, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    values = []
+    for layout, tiles in (("latlong", 1), ("cube", 1), ("latlong", 2)):
+        mesh = sphere(radius, layout, 96, tiles)
+        atlas = rasterize(mesh, (400 // tiles, 300), udim=tiles > 1)
+        light = []
+        for raster in atlas:
+            n = interpolate(raster, mesh.corner_position_mm) / np.float32(radius)
+            e = np.maximum(n @ np.array([0.6, 0.0, 0.8], np.float32), 0) * (1.5 + np.sin(5 * n[..., 1]))
+            light.append((e[None, ..., None] * np.ones(3)).astype(np.float32))
+        diffuser = Diffuser(light, atlas, mesh, DiffusionSpec())
+        variance = (0.08 * radius) ** 2
+        probes = draw_probes(atlas, mesh, [p for p, _, _ in diffuser.surface.tiles], 1, 0)
+        count = len(direction)
+        at = dataclasses.replace(
+            probes, tile=np.zeros(count, np.int32), position=(direction * radius).astype(np.float32),
+            normal=direction.astype(np.float32), texel_mm2=np.full(count, 1e-6, np.float32),
+        )  # fmt: skip
+        values.append(diffuser.at("surface", variance, 0, 0.6, at)[:, 0])
+    for other in values[1:]:
+        assert np.linalg.norm(other - values[0]) < 4e-3 * np.linalg.norm(values[0])
+
+
+def test_both_sides_of_a_seam_agree():
+    """Reading just left and just right of every seam of a cube sphere: before up to a texel apart, after the same."""
+    mesh = sphere(30, "cube", 48)
+    atlas = rasterize(mesh, (300, 200))
+    light = _lit(mesh, atlas)
+    diffuser = Diffuser(light, atlas, mesh, DiffusionSpec())
+    pairs = seam_samples(mesh, 2000)
+    for variance, level in ((2.0, 0), (8.0, 1)):
+        image = diffuser.map("surface", variance, level, 0.6)[0]
+        texture = diffuser.map("texture", variance, level, 0.0)[0]
+        apart = [np.abs(np.subtract(*(_read(i, uv) for uv in pairs))).mean() / i.mean() for i in (image, texture)]
+        assert apart[0] < 2e-3
+        assert apart[0] < 0.1 * apart[1]
+
+
+def seam_samples(mesh: SkinMesh, count: int):
+    """The two UVs of points on edges whose faces disagree about UV, both (count, 2)."""
+    edges = {}
+    for f in range(len(mesh.faces)):
+        for k in range(3):
+            a, b = int(mesh.faces[f, k]), int(mesh.faces[f, (k + 1) % 3])
+            edges.setdefault((min(a, b), max(a, b)), []).append((f, k, a > b))
+    rows = []
+    for shared in edges.values():
+        if len(shared) == 2:
+            uv = []
+            for f, k, flipped in shared:
+                ends = mesh.corner_uv[f, [k, (k + 1) % 3]]
+                uv.append(ends[::-1] if flipped else ends)
+            if np.abs(uv[0] - uv[1]).max() > 1e-6:
+                rows.append(uv)
+    ends = np.array(rows)
+    rng = np.random.default_rng(5)
+    pick, along = rng.integers(len(ends), size=count), rng.random((count, 1))
+    return [ends[pick, side, 0] * (1 - along) + ends[pick, side, 1] * along for side in (0, 1)]
+
+
+def _read(image, uv):
+    from skinbake.diffuse.probes import read_bilinear
+
+    return read_bilinear(image, np.stack([1 - uv[:, 1], uv[:, 0]], axis=1))
+
+
+def test_a_light_alone_gives_the_same_bytes_as_in_a_group():
+    """Shares of the weights, not of the light."""
+    mesh = relief()
+    atlas = rasterize(mesh, (70, 61))
+    group = _lit(mesh, atlas, lights=3)[0]
+    together = Diffuser([group], atlas, mesh, DiffusionSpec()).map("surface", 1.5, 0, 0.8)[0]
+    for k in range(3):
+        alone = Diffuser([group[k : k + 1]], atlas, mesh, DiffusionSpec()).map("surface", 1.5, 0, 0.8)[0]
+        np.testing.assert_array_equal(alone[0], together[k])
+
+
+def test_bytes_do_not_depend_on_the_number_of_threads():
+    """One thread and two."""
+    code = (
+        "import numba, hashlib; numba.set_num_threads({n});"
+        "from tests.diffuse.test_surface import _bumps; from skinbake.diffuse.diffuser import Diffuser;"
+        "from skinbake.scene.spec import DiffusionSpec; m, a, l = _bumps(); d = Diffuser(l, a, m, DiffusionSpec());"
+        "print([hashlib.sha256(d.map(x, 0.6, 0, 0.8)[0].tobytes()).hexdigest() for x in ('texture','stretch','surface')])"
+    )
+    results = {
+        subprocess.run([sys.executable, "-c", code.format(n=n)], capture_output=True, text=True, check=True).stdout
+        for n in (1, min(2, __import__("numba").config.NUMBA_NUM_THREADS))
+    }
+    assert len(results) == 1
+
+
+def test_facing_skin_is_kept_apart_and_thin_skin_is_not():
+    """Two lips a millimetre apart do not light one another; the two sides of an ear do."""
+    lit, dark = quad(40, 40, 0.0, uv_box=(0.02, 0.02, 0.48, 0.98)), quad(40, 40, 1.0, uv_box=(0.52, 0.02, 0.98, 0.98))
+    back = SkinMesh(dark.positions_mm, dark.faces[:, ::-1], dark.corner_uv[:, ::-1], -dark.corner_normal)
+    front = SkinMesh(lit.positions_mm, lit.faces[:, ::-1], lit.corner_uv[:, ::-1], -lit.corner_normal)
+    received = {}
+    for name, mesh in (("lips", joined(lit, back)), ("ear", joined(front, dark))):
+        atlas = rasterize(mesh, (120, 60))
+        light = np.zeros((1, 60, 120, 3), np.float32)
+        light[:, :, :60] = 1
+        for separate in (True, False):
+            spec = DiffusionSpec(separate=separate)
+            received[name, separate] = Diffuser([light], atlas, mesh, spec).map("surface", 4.0, 0, 0.8)[0][0, 30, 90, 0]
+    assert received["lips", True] < 0.03
+    assert received["lips", False] > 0.4
+    assert received["ear", True] == pytest.approx(received["ear", False], abs=1e-6)
+    assert received["ear", True] > 0.4
+
+
+def test_the_pair_rule_is_symmetric_and_smooth():
+    """Exchanging the two ends changes nothing; no jump anywhere."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        c, i, j = rng.uniform(-1, 1, 3)
+        assert passes(c, i, j, 1.0) == passes(c, j, i, 1.0)
+        assert abs(passes(c, i, j, 1.0) - passes(c + 1e-4, i + 1e-4, j, 1.0)) < 1e-2
+
+
+def test_not_normalised_a_plane_keeps_its_light_and_a_border_loses_half():
+    """The classical integral: 1 in the middle, 1/2 at an edge, 1/4 at a corner."""
+    mesh = quad(60, 60)
+    atlas = rasterize(mesh, (120, 120))
+    spec = DiffusionSpec(method="surface", normalise=False)
+    light = np.ones((1, 120, 120, 3), np.float32)
+    for method in ("surface", "reference"):
+        got = Diffuser([light], atlas, mesh, spec).map(method, 9.0, 0, 0.8)[0][0, ..., 0]
+        assert got[60, 60] == pytest.approx(1, abs=4e-3)
+        assert got[60, 0] == pytest.approx(0.5, abs=0.04)
+        assert got[0, 0] == pytest.approx(0.25, abs=0.04)
+
+
+def test_extended_gutter_points_continue_the_plane():
+    """Beside a flat quad's chart the points go on at the texels' own pace."""
+    mesh = quad(100, 80, uv_box=(0.2, 0.2, 0.8, 0.8))
+    atlas = rasterize(mesh, (50, 50), gutter=4)
+    points = texel_points(atlas[0], mesh, np.zeros(3), extend=True)
+    row = points.position[points.row[25, 8:41]]
+    np.testing.assert_allclose(np.diff(row[1:-1, 0]), 100 / 30, rtol=0.02)
