@@ -90,27 +90,26 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], lis
             for v in gaussians.variance_mm2
         ],
         "maps": sizes,
-        "expected": expected(spec, len(atlas), uv.triangles, len(gaussians.variance_mm2)),
+        "expected": expected(spec, len(atlas), len(gaussians.variance_mm2)),
     }
     tiles = [raster.tile for raster in atlas]
     return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), list(uv.faults)
 
 
-def expected(spec: SceneSpec, tiles: int, triangles: int, lobes: int) -> dict[str, float]:
-    """Rough memory, seconds and file sizes, from bakes of the sample head on two cores."""
-    texels = spec.texture.size[0] * spec.texture.size[1]
+def expected(spec: SceneSpec, tiles: int, lobes: int) -> dict[str, float]:
+    """Rough memory, seconds and file sizes: a fit to bakes of the sample head at 1024^2 and 2048^2 on two cores."""
     lights = len(spec.lights)
-    # Bytes a texel: atlas 24, surface 72, each light 16 and its albedo product 12, the lobes of one light at a time
-    held = texels * tiles * (24 + 28 * lights) + texels * (72 + 12 * min(lobes, 3) * lights)
-    seconds = 0.5 + 1e-6 * triangles + texels * tiles * (0.1e-6 + 0.12e-6 * lights + 0.03e-6 * lights * lobes)
-    stored = {"half": 2, "float": 4}[spec.output.precision] * (1.0 if spec.output.compression == "none" else 0.45)
-    per_light = 1 if spec.output.lights == "total" else 1 + lights
+    megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
+    # MiB a megatexel equals bytes a texel
+    value = {"half": 2, "float": 4}[spec.output.precision]
+    packed, packed_lobe = (1.0, 1.0) if spec.output.compression == "none" else (0.2, 0.5)
+    parts = 1 if spec.output.lights == "total" else 1 + lights
     return {
-        "memory_mib": round(300 + held / 2**20),
-        "seconds": round(seconds, 1),
-        "irradiance_mib": round(texels * tiles * stored * (4 + 4 * lights) / 2**20, 1),
-        # Wide lobes are stored at a quarter of the size and less: two full ones are a fair guess for six
-        "lobes_mib": round(texels * tiles * stored * 3 * per_light * min(lobes, 2) / 2**20, 1),
+        "memory_mib": round(650 + megatexels * (100 + 185 * lights)),
+        "seconds": round(3 + megatexels * (0.3 + 0.11 * lights * lobes), 1),
+        "irradiance_mib": round(megatexels * value * packed * 4 * parts, 1),
+        # Wide lobes are stored at a quarter of the texels and less: two full ones are a fair guess for six
+        "lobes_mib": round(megatexels * value * packed_lobe * 3 * parts * min(lobes, 2), 1),
     }
 
 
