@@ -79,10 +79,8 @@ def fuzz(name: str, seed: int, seconds: float, keep: Path) -> int:
                     where += f"\n    {target}"
                 print(f"{name}: {where}", flush=True)
         seed += 1
-    print(
-        f"{name:<10} {inputs:>8} inputs, {refused / max(inputs, 1):4.0%} refused, {len(places)} findings, {seconds:.0f} s",
-        flush=True,
-    )
+    counts = f"{inputs:>8} inputs, {refused / max(inputs, 1):4.0%} refused"
+    print(f"{name:<10} {counts}, {len(places)} findings, {seconds:.0f} s", flush=True)
     return len(places)
 
 

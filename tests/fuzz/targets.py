@@ -71,7 +71,7 @@ skin:
 lights:
   - {name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}
   - {name: rim, type: point, position_mm: [0, 0, 100], intensity: [1, 1, 1]}
-  - {name: spot, type: spot, position_mm: [0, 9, 100], intensity: [1, 1, 1], axis: [0, 0, -1], outer_deg: 20}
+  - {name: spot, type: spot, position_mm: [0, 9, 100], intensity: [1, 1, 1], axis: [0, 0, -1], outer_deg: 21}
   - name: soft
     type: rectangle
     position_mm: [0, 0, 100]
