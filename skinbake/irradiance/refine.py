@@ -73,16 +73,15 @@ def _between(
                 continue
             r0, c0 = row - row % wide, col - col % wide
             r1, c1 = r0 + wide if row % wide else r0, c0 + wide if col % wide else c0
-            # Beside a chart's border those neighbours do that it has, a step of the lattice away at most
-            found, agree = 0, True
+            agree = True
             low, high = np.full(channels, np.float32(np.inf)), np.full(channels, np.float32(-np.inf))
             total = np.zeros(channels)
             nx, ny, nz = normal[row, col, 0], normal[row, col, 1], normal[row, col, 2]
             for r in (r0, r1):
                 for c in (c0, c1):
                     if r >= height or c >= width or not wanted[r, c]:
+                        agree = False  # beside a chart's border nothing bounds what lies between
                         continue
-                    found += 1
                     cosine = nx * normal[r, c, 0] + ny * normal[r, c, 1] + nz * normal[r, c, 2]
                     agree = agree and cosine >= TURN_COSINE
                     for k in range(channels):
@@ -90,9 +89,8 @@ def _between(
                         total[k] += values[r, c, k]
             for k in range(channels):
                 agree = agree and high[k] - low[k] <= tolerance
-            if found == 0 or not agree:
-                to_trace[row, col] = True
-                continue
-            for k in range(channels):
-                values[row, col, k] = total[k] / found
+            to_trace[row, col] = not agree
+            if agree:
+                for k in range(channels):
+                    values[row, col, k] = total[k] / 4
     return to_trace

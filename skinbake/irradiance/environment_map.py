@@ -1,0 +1,132 @@
+"""Radiance maps of the whole sphere: directions to trace, and the irradiance of every normal."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.atlas import shrink
+from skinbake.numerics import Float
+
+Image = NDArray[np.float32]
+NORMALS = 96  # octahedral table of unshadowed irradiance: 96 x 96 normals, read bilinearly
+SKY = (64, 128)  # to which a map is averaged for that table: the cosine is smooth
+
+
+def direction_of(u: Float, v: Float, rotate_deg: float = 0.0) -> Float:
+    """Direction that a place of the map shows: y up, u = 0.5 towards +z, u = 0.75 towards -x (as seen from inside).
+
+    `rotate_deg` turns the map about +y, +z towards +x.
+    """
+    polar, azimuth = np.pi * (1 - np.asarray(v)), 2 * np.pi * (0.5 - np.asarray(u)) + math.radians(rotate_deg)
+    return np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)], axis=-1)
+
+
+def environment_samples(
+    radiance: Image, count: int, rotate_deg: float = 0.0, offset: float = 0.0
+) -> tuple[Image, Image]:
+    """Directions (n, 3) drawn in proportion to radiance times solid angle, and what each stands for (n, 3).
+
+    A low-discrepancy sequence (R2 [Roberts2018]) mapped through the marginal and conditional distributions of the map,
+    with a tenth of the samples' density uniform, so that dim parts are not left to chance.
+    """
+    height, width = radiance.shape[:2]
+    row_edges = np.cos(np.pi * np.arange(height + 1) / height)
+    solid = (2 * np.pi / width) * (row_edges[:-1] - row_edges[1:])[:, None]
+    bright = radiance.astype(np.float64).mean(axis=2) * solid
+    share = np.broadcast_to(solid / (4 * np.pi), bright.shape)
+    density = 0.9 * bright / bright.sum() + 0.1 * share if bright.sum() > 0 else share
+
+    plastic = 1.32471795724474602596
+    step = np.arange(count) + 0.5
+    x, y = (step / plastic + offset) % 1, (step / plastic**2 + offset) % 1
+    rows = density.sum(axis=1)
+    marginal = np.concatenate([[0], np.cumsum(rows)])
+    marginal /= marginal[-1]
+    row = np.clip(np.searchsorted(marginal, x, side="right") - 1, 0, height - 1)
+    in_row = (x - marginal[row]) / np.maximum(marginal[row + 1] - marginal[row], 1e-300)
+    conditional = np.concatenate([np.zeros((height, 1)), np.cumsum(density, axis=1)], axis=1)
+    conditional /= conditional[:, -1:]
+    col = np.array([np.searchsorted(conditional[r], t, side="right") - 1 for r, t in zip(row, y, strict=True)])
+    col = np.clip(col, 0, width - 1)
+    in_col = (y - conditional[row, col]) / np.maximum(conditional[row, col + 1] - conditional[row, col], 1e-300)
+
+    # Uniform in solid angle inside the texel
+    cosine = row_edges[row] + np.clip(in_row, 0, 1) * (row_edges[row + 1] - row_edges[row])
+    v = 1 - np.arccos(np.clip(cosine, -1, 1)) / np.pi
+    directions = direction_of((col + np.clip(in_col, 0, 1)) / width, v, rotate_deg)
+    stands_for = radiance[row, col] * (solid[row] / density[row, col][:, None] / count)
+    return directions.astype(np.float32), stands_for.astype(np.float32)
+
+
+def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
+    """Unshadowed irradiance for every normal, octahedral map of shape (NORMALS + 1, NORMALS + 1, 3)."""
+    height, width = min(SKY[0], radiance.shape[0]), min(SKY[1], radiance.shape[1])
+    fine = -(-SKY[0] // height), -(-SKY[1] // width)
+    edges = np.cos(np.pi * np.arange(radiance.shape[0] + 1) / radiance.shape[0])
+    weight = (edges[:-1] - edges[1:]).astype(np.float32)[:, None, None]
+    mean = shrink(radiance * weight, (height, width)) / shrink(weight, (height, 1))
+    sky = np.repeat(np.repeat(mean, fine[0], axis=0), fine[1], axis=1).astype(np.float64)
+
+    h, w = sky.shape[:2]
+    edges = np.cos(np.pi * np.arange(h + 1) / h)
+    polar = np.pi * (np.arange(h) + 0.5) / h
+    u, v = np.meshgrid((np.arange(w) + 0.5) / w, 1 - polar / np.pi)
+    solid = np.broadcast_to(((2 * np.pi / w) * (edges[:-1] - edges[1:]))[:, None], (h, w))
+    axis = np.linspace(-1, 1, NORMALS + 1)
+    x, y = np.meshgrid(axis, axis)
+    z = 1 - np.abs(x) - np.abs(y)
+    fold = np.maximum(-z, 0)
+    normal = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1).reshape(-1, 3)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    towards = direction_of(u, v, rotate_deg).reshape(-1, 3)
+    out = _convolve(normal, towards, (sky * solid[..., None]).reshape(-1, 3), solid.ravel())
+    return out.astype(np.float32).reshape(NORMALS + 1, NORMALS + 1, 3)
+
+
+@njit(cache=True, parallel=True)
+def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float:
+    """Sum of flux times clamped cosine, scaled so that constant radiance gives exactly pi."""
+    out = np.zeros((len(normal), 3))
+    for i in prange(len(normal)):
+        total = 0.0
+        for j in range(len(towards)):
+            c = normal[i, 0] * towards[j, 0] + normal[i, 1] * towards[j, 1] + normal[i, 2] * towards[j, 2]
+            if c > 0.0:
+                total += c * solid[j]
+                for k in range(3):
+                    out[i, k] += c * flux[j, k]
+        for k in range(3):
+            out[i, k] *= np.pi / total
+    return out
+
+
+@njit(cache=True, parallel=True)
+def look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
+    """Irradiance at texels from `irradiance_table`, by their unit normals; written to `out` (H, W, 3)."""
+    size = table.shape[0] - 1
+    for row in prange(addressed.shape[0]):
+        for col in range(addressed.shape[1]):
+            if not addressed[row, col]:
+                continue
+            nx, ny, nz = (
+                np.float64(normal[row, col, 0]),
+                np.float64(normal[row, col, 1]),
+                np.float64(normal[row, col, 2]),
+            )
+            scale = abs(nx) + abs(ny) + abs(nz)
+            if scale == 0.0:
+                continue
+            x, y = nx / scale, ny / scale
+            if nz < 0.0:
+                x, y = np.copysign(1.0 - abs(y), x), np.copysign(1.0 - abs(x), y)
+            x, y = (x + 1.0) * 0.5 * size, (y + 1.0) * 0.5 * size
+            i, j = min(max(int(y), 0), size - 1), min(max(int(x), 0), size - 1)
+            fy, fx = y - i, x - j
+            for k in range(3):
+                top = table[i, j, k] * (1.0 - fx) + table[i, j + 1, k] * fx
+                bottom = table[i + 1, j, k] * (1.0 - fx) + table[i + 1, j + 1, k] * fx
+                out[row, col, k] = top * (1.0 - fy) + bottom * fy
