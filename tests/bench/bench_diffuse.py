@@ -1,0 +1,247 @@
+"""Time of the diffusion, and its error on a scan: `python -m tests.bench.bench_diffuse [--size 2048] [--json FILE]`.
+
+Ratios first, since the machine may be busy: each ratio is of two things timed one after the other, best of several.
+What is timed is checked to be the same thing: OpenCV's and scikit-image's blurs equal ours on a fully covered texture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import time
+from pathlib import Path
+
+import numpy as np
+
+from skinbake.atlas import interpolate, rasterize
+from skinbake.diffuse import diffuse
+from skinbake.diffuse.diffuser import Diffuser
+from skinbake.diffuse.plan import fixed_plan
+from skinbake.diffuse.texture import texture_blur, texture_pyramid, widest_level
+from skinbake.profile.gaussian_sum import GaussianSum
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import DiffusionSpec
+
+# The six Gaussians of GPU Gems 3, chapter 14, mm^2 and RGB; THEORY section 4.1
+VARIANCE_MM2 = np.array([0.0064, 0.0484, 0.187, 0.567, 1.99, 7.41])
+WEIGHT_RGB = np.array(
+    [
+        [0.233, 0.455, 0.649],
+        [0.1, 0.336, 0.344],
+        [0.118, 0.198, 0],
+        [0.113, 0.007, 0.007],
+        [0.358, 0.004, 0],
+        [0.078, 0, 0],
+    ]
+)
+SKIN = GaussianSum(VARIANCE_MM2, WEIGHT_RGB, np.zeros(3), np.ones(3))
+
+
+def best(run, repeats=3):
+    """Shortest of several runs, and the last result."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        result = run()
+        times.append(time.perf_counter() - start)
+    return min(times), result
+
+
+def flat_blurs(size: int) -> dict:
+    """Six texture blurs against copying and against the two libraries."""
+    import cv2
+    import skimage.filters
+
+    rng = np.random.default_rng(0)
+    light = rng.random((1, size, size, 3)).astype(np.float32)
+    covered = np.ones((size, size), np.float32)
+    texels2 = VARIANCE_MM2 / 0.05 * (size / 2048) ** 2  # a texel of 0.22 mm at 2048
+
+    def ours():
+        pyramid = texture_pyramid(light, covered)
+        return [texture_blur(pyramid, (t, t), widest_level((t, t))) for t in texels2]
+
+    ours()
+    seconds, lobes = best(ours)
+    out = [np.empty_like(light) for _ in texels2]
+
+    def copy_full():
+        for o in out:
+            np.copyto(o, light)
+
+    read_written = [(np.empty_like(lobe), lobe) for lobe in lobes]
+
+    def copy_bytes():
+        np.copyto(out[0], light)
+        for to, lobe in read_written:
+            np.copyto(to, lobe)
+
+    copy_full()
+    copy_six, _ = best(copy_full, 5)
+    copy_least, _ = best(copy_bytes, 5)
+    opencv, cv = best(lambda: [cv2.GaussianBlur(light[0], (0, 0), np.sqrt(t)) for t in texels2], 2)
+    scikit, sk = best(lambda: [skimage.filters.gaussian(light[0], np.sqrt(t), channel_axis=-1) for t in texels2], 1)
+    # Same thing: where both are sampled Gaussians that are wide enough to agree, away from the border
+    at = 4
+    step = size // lobes[at].shape[1]
+    inner = slice(64 // step, -64 // step)
+    mine = lobes[at][0][inner, inner]
+    same = []
+    for other in (cv[at], sk[at]):
+        small = other.reshape(size // step, step, size // step, step, 3).mean(axis=(1, 3))[inner, inner]
+        same.append(float(np.abs(small - mine).max()))
+    return {
+        "texture_over_copy_of_six_full_maps": seconds / copy_six,
+        "texture_over_copy_of_bytes_once": seconds / copy_least,
+        "opencv_over_texture": opencv / seconds,
+        "scikit_image_over_texture": scikit / seconds,
+        "largest_difference_opencv": same[0],
+        "largest_difference_scikit_image": same[1],
+        "seconds_texture": seconds,
+        "seconds_copy_of_six": copy_six,
+        "seconds_opencv": opencv,
+        "seconds_scikit_image": scikit,
+        "stored_sizes": [lobe.shape[1] for lobe in lobes],
+    }
+
+
+def scan() -> tuple[SkinMesh, str] | None:
+    """The Lee Perry-Smith head when it is there."""
+    from skinbake.io.mesh import read_mesh
+
+    root = Path(__file__).parents[2]
+    for folder in (root.parent / "shared" / "assets" / "lee_perry_smith", root / "data" / "lee_perry_smith"):
+        if (folder / "head.obj").is_file():
+            return read_mesh(str(folder / "head.obj"), 50.35), "Lee Perry-Smith"
+    return None
+
+
+def hard_key(mesh, atlas) -> dict:
+    """Hard directional light with traced shadows, and the seconds its rays took."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    TriangleMesh(scene, mesh.corner_position_mm.astype(np.float32))
+    towards = np.array([-0.6, 0.5, 0.62]) / np.linalg.norm([-0.6, 0.5, 0.62])
+    source, seconds = {}, 0.0
+    for raster in atlas:
+        normal, position = interpolate(raster, mesh.corner_normal), interpolate(raster, mesh.corner_position_mm)
+        face = mesh.face_normal[raster.face_index]
+        cosine = np.maximum(normal @ towards.astype(np.float32), 0) * (face @ towards > 0) * raster.addressed
+        lit = np.flatnonzero(cosine)
+        start_at = (position.reshape(-1, 3)[lit] + 0.02 * face.reshape(-1, 3)[lit]).astype(np.float32)
+        start = time.perf_counter()
+        hit = scene.run(start_at, np.tile(towards.astype(np.float32), (len(lit), 1)))
+        seconds += time.perf_counter() - start
+        cosine.reshape(-1)[lit[hit >= 0]] = 0
+        tint = np.array([3, 2.8, 2.5])
+        source[raster.tile] = np.ascontiguousarray((cosine[None, ..., None] * tint).astype(np.float32))
+    return {"source": source, "seconds": seconds}
+
+
+def on_the_scan(size: int, probes: int) -> dict:
+    """Each method's error and seconds, lobe by lobe and summed."""
+    found = scan()
+    if found is None:
+        return {}
+    mesh, _ = found
+    atlas = rasterize(mesh, (size, size))
+    key = hard_key(mesh, atlas)
+    report: dict = {"seconds_shadow_rays": key["seconds"], "methods": {}}
+    for method, tolerance in (
+        ("texture", 0.003),
+        ("stretch", 0.003),
+        ("surface", 0.003),
+        ("auto", 0.003),
+        ("auto", 0.01),
+    ):
+        spec = DiffusionSpec(method=method, tolerance=tolerance, probes=probes)
+        marks: list[tuple[str, float]] = []
+        start = time.perf_counter()
+        baked = diffuse(
+            key["source"],
+            ("key",),
+            atlas,
+            mesh,
+            SKIN,
+            spec,
+            0,
+            progress=lambda s, m=marks: m.append((s, time.perf_counter())),
+        )
+        end = time.perf_counter()
+        measured = next((t for s, t in marks if s.startswith("measuring")), end)
+        report["methods"][f"{method} {tolerance}"] = {
+            "seconds_lobes": measured - start,
+            "seconds_error": end - measured,
+            "met": baked.tolerance_met,
+            "rms": baked.error.rms,
+            "p95": baked.error.p95,
+            "max": baked.error.max,
+            "method": baked.error.method,
+            "storage": baked.error.storage,
+            "lobes": [
+                {
+                    "method": b.method,
+                    "size": b.rgb[1001].shape[1],
+                    "rms": b.error.rms,
+                    "p95": b.error.p95,
+                    "max": b.error.max,
+                }
+                for b in baked.lobes
+            ],
+        }
+    report["seams"] = seams(mesh, atlas, [key["source"][r.tile] for r in atlas])
+    return report
+
+
+def seams(mesh, atlas, source, count: int = 10_000) -> dict:
+    """Difference of the two sides of UV seam samples over the mean, before and after (lobe of 1.99 mm^2)."""
+    from skinbake.diffuse.probes import read_bilinear
+    from tests.diffuse.test_surface import seam_samples
+
+    pairs = seam_samples(mesh, count)
+    diffuser = Diffuser(source, atlas, mesh, DiffusionSpec(tolerance=0.003))
+    images = {"before": source[0]}
+    for method in ("texture", "surface"):
+        plan = fixed_plan(diffuser, method, 1.99)
+        images[method] = diffuser.map(method, 1.99, plan.level, plan.spacing)[0]
+    out = {}
+    for name, image in images.items():
+        sides = [read_bilinear(image, np.stack([1 - uv[:, 1], uv[:, 0]], axis=1)) for uv in pairs]
+        apart = np.abs(sides[0] - sides[1]) / image[image > 0].mean()
+        out[name] = {"rms": float(np.sqrt((apart**2).mean())), "p95": float(np.percentile(apart, 95))}
+    return out
+
+
+def main() -> None:
+    """Print, and write JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--size", type=int, default=2048)
+    parser.add_argument("--probes", type=int, default=2000)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    report = {"flat": flat_blurs(options.size), "scan": on_the_scan(options.size, options.probes)}
+    report["peak_gib"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    for name, value in report["flat"].items():
+        print(f"{name:40s} {value if isinstance(value, list) else f'{value:.4g}'}")
+    for name, row in report["scan"].get("methods", {}).items():
+        print(
+            f"{name:14s} rms {row['rms']:.3%} p95 {row['p95']:.3%} max {row['max']:.2%} method {row['method']:.3%} "
+            f"storage {row['storage']:.3%} lobes {row['seconds_lobes']:.2f} s error {row['seconds_error']:.2f} s "
+            f"{'met' if row['met'] else 'MISSED'}"
+        )
+        for i, lobe in enumerate(row["lobes"]):
+            numbers = f"rms {lobe['rms']:.3%} p95 {lobe['p95']:.3%} max {lobe['max']:.2%}"
+            print(f"    lobe {i} {lobe['method']:9s} {lobe['size']:5d} {numbers}")
+    for name, row in report["scan"].get("seams", {}).items():
+        print(f"seam sides apart, {name:8s} rms {row['rms']:.3%} p95 {row['p95']:.3%}")
+    rays = report["scan"].get("seconds_shadow_rays", float("nan"))
+    print(f"one light's shadow rays {rays:.2f} s, peak {report['peak_gib']:.2f} GiB")
+    if options.json:
+        options.json.write_text(json.dumps(report, indent=1))
+
+
+if __name__ == "__main__":
+    main()
