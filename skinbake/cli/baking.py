@@ -68,7 +68,14 @@ def put_manifest(stages: Stages, manifest: dict[str, Any]) -> None:
     with suppress(InputError):
         before = read_manifest(stages.out)["timings"]
         manifest["timings"] |= {stage: before[stage] for stage in manifest["reused"] if stage in before}
+    named = [*manifest["irradiance"], *(name for lobe in manifest["lobes"] for name in _files(lobe))]
+    paths = [stages.out / name for name in (*named, *manifest.get("tx", []))]
+    manifest["bytes"] = {path.name: path.stat().st_size for path in paths if path.exists()}
     write_manifest(stages.out, manifest)
+
+
+def _files(lobe: dict[str, Any]) -> list[str]:
+    return list(lobe["tiles"].values()) if "tiles" in lobe else [lobe["file"]]
 
 
 def _draw(stages: Stages, lobes: str) -> None:

@@ -26,7 +26,7 @@ from skinbake.io.fingerprint import input_hashes, input_stamps, key_of
 from skinbake.io.irradiance import light_keys, read_irradiance, tile_path, write_irradiance
 from skinbake.io.lobes import lobe_name, read_summary, write_lobes
 from skinbake.io.lock import folder_lock
-from skinbake.io.manifest import NAME
+from skinbake.io.manifest import NAME, read_manifest
 from skinbake.io.profile import read_gaussians, write_fit
 from skinbake.io.scene_files import read_scene
 from skinbake.irradiance import IrradianceMap
@@ -104,9 +104,7 @@ class Stages:
         """What was read is what was hashed, or results would be kept under the key of something else."""
         for path, stamp in input_stamps(self.spec).items():
             if self._stamps.get(path) != stamp:
-                raise InputError(
-                    f"{path}: expected a file that stays as it is during a bake; it was changed, run again"
-                )
+                raise InputError(f"{path}: it was changed while it was read; run again")
 
     @cached_property
     def scene(self) -> pipeline.SceneData:
@@ -187,9 +185,25 @@ class Stages:
         """File of each tile."""
         return {tile: tile_path(self.out / "irradiance.exr", tile, self.spec.texture.udim) for tile in self.tiles}
 
+    @cached_property
+    def recorded_bytes(self) -> dict[str, int]:
+        """Size of each file by name, as the last bake left it."""
+        try:
+            return dict(read_manifest(self.out)["bytes"])
+        except (InputError, LookupError, TypeError, ValueError):
+            return {}
+
+    def _as_left(self, path: Path) -> bool:
+        """Whether a file has the size it was left with: a copy may have been cut short since."""
+        size = path.stat().st_size
+        return self.recorded_bytes.get(path.name, size) == size
+
     def stale_lights(self) -> tuple[str, ...] | None:
         """Lights that irradiance.exr has not as they are now; None where the file is just what is wanted."""
-        found = [{} if self.force else light_keys(path) for path in self.irradiance_paths.values()]
+        found = []
+        for path in self.irradiance_paths.values():
+            keys = {} if self.force else light_keys(path)
+            found.append(keys if keys and self._as_left(path) else {})
         if all(list(keys.items()) == list(self.light_keys.items()) for keys in found):
             return None
         return tuple(name for name, key in self.light_keys.items() if any(keys.get(name) != key for keys in found))
@@ -198,13 +212,15 @@ class Stages:
         """Light arriving, each light traced only where it is new or has changed; writes irradiance.exr."""
         size, precision = self.spec.texture.size, self.spec.output.precision
         paths = self.irradiance_paths
-        stale = self.stale_lights()
-        if stale is None:
-            with self.timed("irradiance", reused=True):
-                return tuple(read_irradiance(path, tile, size) for tile, path in paths.items())
-        kept = (
-            [read_irradiance(path, tile) for tile, path in paths.items()] if len(stale) < len(self.light_keys) else []
-        )
+        stale, kept = self.stale_lights(), list[IrradianceMap]()
+        try:
+            if stale is None:
+                with self.timed("irradiance", reused=True):
+                    return tuple(read_irradiance(path, tile, size) for tile, path in paths.items())
+            if len(stale) < len(self.light_keys):
+                kept = [read_irradiance(path, tile, size) for tile, path in paths.items()]
+        except InputError:  # damaged: as good as missing
+            stale = tuple(self.light_keys)
         atlas = self.atlas
         found = self._lights(stale, atlas)
         result = merged_lights(tuple(self.light_keys), found, kept, atlas)
@@ -235,7 +251,12 @@ class Stages:
 
     def kept_lobes(self, key: str) -> DiffuseMap | None:
         """What the folder's lobes say of themselves, where they are those of `key`."""
-        return None if self.force else read_summary(self.out, key, self.tiles, self.spec.texture.udim)
+        if self.force:
+            return None
+        found = read_summary(self.out, key, self.tiles, self.spec.texture.udim)
+        if found is None or not all(self._as_left(path) for path in self.lobe_paths(found)):
+            return None
+        return found
 
     def diffuse(self, gaussians: GaussianSum, irradiance: tuple[IrradianceMap, ...], light_id: Any) -> DiffuseMap:
         """Blur; writes lobe_*.exr. `light_id` identifies the irradiance: the key of each light by name, or anything."""
@@ -282,18 +303,22 @@ class Stages:
         from skinbake.io.tx import is_current, write_tx
 
         coverage = {tile.tile: tile.coverage for tile in irradiance}
-        exrs = [(path, tile) for tile, path in self.irradiance_paths.items()]
-        for index, lobe in enumerate(result.lobes):
-            exrs += [(self.lobe_path(index, lobe, tile), tile) for tile in lobe.rgb]
-        stale = [(path, tile) for path, tile in exrs if self.force or not is_current(path)]
+        exrs = {path: tile for tile, path in self.irradiance_paths.items()} | self.lobe_paths(result)
+        left = all(self._as_left(path) for path in self.out.glob("*.tx"))
+        stale = [path for path in exrs if self.force or not left or not is_current(path)]
         with self.timed("textures", reused=not stale):
-            for path, tile in stale:
-                write_tx(path, coverage[tile])
+            for path in stale:
+                write_tx(path, coverage[exrs[path]])
         return sorted(self.out.glob("*.tx"))
 
-    def lobe_path(self, index: int, lobe: Any, tile: int) -> Path:
-        """File of a lobe's tile."""
-        return tile_path(self.out / lobe_name(index, lobe), tile, self.spec.texture.udim)
+    def lobe_paths(self, result: DiffuseMap) -> dict[Path, int]:
+        """Every lobe's file, and its tile."""
+        udim = self.spec.texture.udim
+        return {
+            tile_path(self.out / lobe_name(index, lobe), tile, udim): tile
+            for index, lobe in enumerate(result.lobes)
+            for tile in lobe.rgb
+        }
 
 
 def peak_memory_mib() -> float:

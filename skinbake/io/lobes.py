@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,12 @@ def write_lobes(
     names = [lobe_name(index, lobe) for index, lobe in enumerate(result.lobes)]
     summary = {
         "lights": result.lights,
-        "files": names,
+        "lobes": [
+            {"file": name}
+            | {f.name: getattr(lobe, f.name) for f in fields(Lobe) if f.name not in ("rgb", "error")}
+            | {"error": asdict(lobe.error) if lobe.error else None}
+            for name, lobe in zip(names, result.lobes, strict=True)
+        ],
         "error": asdict(result.error) if result.error else None,
         "plan": [asdict(line) for line in result.plan],
         "tolerance_met": result.tolerance_met,
@@ -74,16 +79,17 @@ def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> 
 def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:
     summary = json.loads(header["skinbake:diffusion"])
     lobes = []
-    for name in summary["files"]:
-        shapes = {}
+    for entry in summary["lobes"]:  # attributes of the files are float32, these figures are not rounded
+        name, shapes = entry.pop("file"), {}
         for tile in tiles:
             header = _header(tile_path(folder / name, tile, udim))
             if header.get("skinbake:key") != key:
                 return None
             width, height = header["size"]
             shapes[tile] = np.zeros((0, height, width, 3), np.float32)
-        weight = tuple(header["skinbake:weight_rgb"])
-        lobes.append(Lobe(header["skinbake:variance_mm2"], weight, header["skinbake:method"], shapes))
+        own = entry.pop("error")
+        entry |= {key: tuple(value) for key, value in entry.items() if isinstance(value, list)}
+        lobes.append(Lobe(**entry, rgb=shapes, error=MeasuredError(**own) if own else None))
     error = MeasuredError(**summary["error"]) if summary["error"] else None
     return DiffuseMap(
         tuple(summary["lights"]),

@@ -1,0 +1,239 @@
+"""What a bake survives: being killed at any moment, a full disk, a folder it may not write to, inputs that vanish."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+
+from skinbake.errors import InputError
+from skinbake.io.exr import read_parts
+from skinbake.io.manifest import read_manifest
+from skinbake.io.mesh import write_obj
+from tests.conftest import ROOT
+from tests.shapes import relief
+
+LOOK = """\
+mesh: {path: mesh.obj, unit: mm, any_size: true}
+texture: {size: [52, 48], gutter: 4}
+skin: {model: gaussians, variance_mm2: [0.05, 1.0], weight_rgb: [[0.5, 0.6, 0.7], [0.5, 0.4, 0.3]]}
+lights:
+  - {name: key, type: directional, direction: [-0.6, 0, -0.8], irradiance: [1, 2, 3]}
+  - {name: lamp, type: point, position_mm: [10, 20, 60], intensity: [900, 800, 700]}
+diffusion: {method: surface, tolerance: 1.0, probes: 50}
+terms: {energy_conservation: off, transmission: off}
+output: {dir: out, tx: true}
+"""
+KILLS = int(os.environ.get("SKINBAKE_KILLS", "8"))  # `make faults` kills fifty times
+OTHER = ["--set", "lights.key.irradiance=[3, 2, 1]"]  # makes something stale
+
+
+class Bakes:
+    """A look, and the process that bakes it in children that may die."""
+
+    def __init__(self, folder, process) -> None:
+        self.folder, self.process, self.out = folder, process, folder / "out"
+
+    def __call__(self, *more, out=None, **how):
+        arguments = ["bake", str(self.folder / "look.yaml"), "--no-preview", "--quiet", "--out", str(out or self.out)]
+        self.process.stdin.write(json.dumps({"arguments": [*arguments, *more], **how}) + "\n")
+        self.process.stdin.flush()
+        return json.loads(self.process.stdout.readline())
+
+
+@pytest.fixture(scope="module")
+def process():
+    command = [sys.executable, "-m", "tests.cli.victim"]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
+        yield running
+        running.stdin.close()
+
+
+@pytest.fixture
+def bakes(tmp_path, process):
+    write_obj(tmp_path / "mesh.obj", relief(segments=24))
+    (tmp_path / "look.yaml").write_text(LOOK)
+    return Bakes(tmp_path, process)
+
+
+def contents(folder):
+    """Every file's digest; of the manifest what does not tell of time and memory."""
+    found = {f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in folder.iterdir() if f.name != "bake.json"}
+    told = ("timings", "reused", "peak_memory_mib")
+    manifest = {key: value for key, value in read_manifest(folder).items() if key not in told}
+    return found | {f"bake.json {key}": json.dumps(value) for key, value in manifest.items()}
+
+
+def check_whole(folder):
+    """Whatever is there under its own name is whole; a manifest vouches for all that it names."""
+    for path in folder.glob("[!.]*.exr") if folder.is_dir() else ():
+        read_parts(path)
+    try:
+        manifest = read_manifest(folder)
+    except InputError:
+        return
+    for name in [*manifest["irradiance"], *(lobe["file"] for lobe in manifest["lobes"])]:
+        assert read_parts(folder / name)["irradiance"].attributes["skinbake:inputs"] == json.dumps(
+            manifest["inputs"], sort_keys=True
+        )
+
+
+def test_a_bake_killed_at_random_times_ends_in_the_same_bytes(bakes):
+    """Killed at any moment, in a new folder or in the middle of a change: the clean rerun is as one left alone."""
+    undisturbed = bakes(out=bakes.folder / "alone")
+    assert undisturbed["code"] == 0, undisturbed
+    seconds = bakes("--force", out=bakes.folder / "alone")["seconds"]
+    want = contents(bakes.folder / "alone")
+    rng = random.Random(5)
+    killed = 0
+    while killed < KILLS:
+        if rng.random() < 0.3:
+            shutil.rmtree(bakes.out, ignore_errors=True)
+        else:
+            bakes(*OTHER, kill_after=rng.uniform(0, 1.2) * seconds)
+        answer = bakes(kill_after=rng.uniform(0, 1) * seconds)
+        if answer["code"] != -9:
+            assert answer["code"] == 0, answer
+            continue
+        killed += 1
+        check_whole(bakes.out)
+        answer = bakes()
+        assert answer["code"] == 0, answer
+        assert contents(bakes.out) == want, f"after kill {killed}"
+
+
+def test_a_bake_killed_before_any_step_on_the_disk_ends_in_the_same_bytes(bakes):
+    """Each fsync, rename and removal in turn is the one that is never made, when the folder holds another look."""
+    undisturbed = bakes(out=bakes.folder / "alone")
+    assert undisturbed["code"] == 0, undisturbed
+    want = contents(bakes.folder / "alone")
+    assert bakes(*OTHER)["code"] == 0
+    shutil.copytree(bakes.out, bakes.folder / "other")
+    steps = bakes()["steps"]
+    assert steps > 15
+    for step in range(0, steps, 1 if KILLS > 8 else 6):
+        shutil.rmtree(bakes.out)
+        shutil.copytree(bakes.folder / "other", bakes.out)
+        assert bakes(die_at=step)["code"] == -9
+        check_whole(bakes.out)
+        assert bakes()["code"] == 0
+        assert contents(bakes.out) == want, f"step {step} of {steps}"
+
+
+def test_two_bakes_of_one_folder_take_turns(bakes):
+    """The second waits for the lock, finds everything done, and both end well."""
+    command = [sys.executable, "-m", "skinbake", "bake", str(bakes.folder / "look.yaml"), "--no-preview"]
+    both = [subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    said = [process.communicate(timeout=120)[1] for process in both]
+    assert [process.returncode for process in both] == [0, 0], said
+    assert sum("as it was" in text for text in said) == 1, said
+    assert not [f.name for f in bakes.out.iterdir() if f.name.startswith(".")]
+
+
+@contextmanager
+def mounted(folder, options):
+    """A small file system of its own on `folder`."""
+    folder.mkdir()
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)], capture_output=True, check=False
+    )
+    if done.returncode:
+        pytest.skip("mounting a small file system needs the rights to: run as root")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="mounts a tmpfs")
+@pytest.mark.parametrize("kib", [24, 80, 140])
+def test_a_full_disk_is_told_and_survived(bakes, kib):
+    """Exit code 3 with what to do; nothing half-written; with room again the bake goes on to the same bytes."""
+    alone = bakes.folder / "other_disk" / "out"
+    assert bakes(out=alone)["code"] == 0
+    disk = bakes.folder / "disk"
+    with mounted(disk, f"size={kib}k"):
+        answer = bakes(out=disk / "out")
+        assert answer["code"] == 3, answer
+        assert "the disk is full; free some space" in answer["stderr"]
+        assert "Traceback" not in answer["stderr"]
+        assert not list(disk.rglob("*.part*"))
+        check_whole(disk / "out")
+        subprocess.run(["mount", "-o", "remount,size=8m", str(disk)], check=True)
+        assert bakes(out=disk / "out")["code"] == 0
+        assert contents(disk / "out") == contents(alone)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="mounts a tmpfs")
+def test_a_folder_that_becomes_read_only_is_told(bakes):
+    """Exit code 2, the path and what to do; what was there stays readable."""
+    disk = bakes.folder / "disk"
+    with mounted(disk, "size=8m"):
+        assert bakes(out=disk / "out")["code"] == 0
+        before = contents(disk / "out")
+        subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+        answer = bakes(*OTHER, out=disk / "out")
+        assert answer["code"] == 2, answer
+        assert "expected a folder that can be written to" in answer["stderr"]
+        assert contents(disk / "out") == before
+
+
+@pytest.mark.skipif(not os.path.isdir("/sys/kernel"), reason="needs a folder that not even root can write to")
+def test_a_folder_nobody_may_write_to_is_told(bakes):
+    """Not even root can make a folder there."""
+    answer = bakes(out="/sys/kernel/out")
+    assert answer["code"] == 2, answer
+    assert "/sys/kernel/out" in answer["stderr"]
+    assert "Traceback" not in answer["stderr"]
+
+
+def test_an_input_that_vanishes_is_named_and_its_return_heals(bakes):
+    """Exit code 2 and the file's name; once it is back the bake gives the same bytes."""
+    assert bakes(out=bakes.folder / "alone")["code"] == 0
+    mesh = bakes.folder / "mesh.obj"
+    mesh.rename(bakes.folder / "away.obj")
+    answer = bakes()
+    assert answer["code"] == 2, answer
+    assert str(mesh) in answer["stderr"]
+    (bakes.folder / "away.obj").rename(mesh)
+    assert bakes()["code"] == 0
+    assert contents(bakes.out) == contents(bakes.folder / "alone")
+
+
+def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
+    """Else its results would be kept under the key of what it was before."""
+    from skinbake.cli import stages
+    from skinbake.io.config import load_look
+
+    stage = stages.Stages(load_look(bakes.folder / "look.yaml"), verbosity=0)
+    assert stage.inputs["mesh"]
+    read = stages.read_scene
+
+    def read_and_touch(spec):
+        scene = read(spec)
+        with open(bakes.folder / "mesh.obj", "a") as file:
+            file.write("# edited\n")
+        return scene
+
+    monkeypatch.setattr(stages, "read_scene", read_and_touch)
+    with pytest.raises(InputError, match=r"mesh\.obj: it was changed while it was read; run again"):
+        _ = stage.scene
+
+
+def test_a_cut_file_is_made_anew(bakes):
+    """A copy that went wrong is not taken for a finished stage."""
+    assert bakes()["code"] == 0
+    want = contents(bakes.out)
+    for name in ("irradiance.exr", "lobe_0.exr", "lobe_1.exr", "profile.json", "lobe_0.tx", "bake.json"):
+        data = (bakes.out / name).read_bytes()
+        (bakes.out / name).write_bytes(data[: len(data) // 3])
+        answer = bakes()
+        assert answer["code"] == 0, (name, answer)
+        assert contents(bakes.out) == want, name
