@@ -1,7 +1,8 @@
 """One bake, or one exact integral, in a process of its own: that is what makes its peak memory its own.
 
-Every setting is judged at the same points of the skin, whatever its texture: drawn by area over the triangles, read
-from the stored lobes bilinearly as a GPU reads them. The reference is the exact surface integral at these points.
+Every setting is judged at the same points of the skin, whatever its texture: the probes with which a bake at the
+sweep's texture size verifies itself, read from the stored lobes bilinearly as a GPU reads them. The reference is the
+exact surface integral there.
 """
 
 from __future__ import annotations
@@ -20,40 +21,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError, MachineError, SkinbakeError, ToleranceMissedError
-from skinbake.numerics import Float, normalized
-from skinbake.scene.mesh import SkinMesh
+from skinbake.numerics import Float
 from skinbake.scene.spec import SceneSpec
 
 PICTURE = (480, 600)
 
 
 @dataclass(frozen=True)
-class SkinPoints:
-    """Points drawn by area over the triangles.
+class Probed:
+    """Points of the skin at which every setting is judged.
 
     Attributes
     ----------
-    face : ndarray of shape (P,)
-    barycentric : ndarray of shape (P, 3)
+    place : ndarray of shape (P, 2)
+        (row, column) / size within the tile.
+    tile : ndarray of shape (P,)
+        UDIM number.
+    position_mm, normal : ndarray of shape (P, 3)
+    texture_mm2 : ndarray of shape (P,)
+        Skin area that a whole tile would span at the scale found there: times 1 / texels, that of one texel.
     """
 
-    face: NDArray[np.int64]
-    barycentric: Float
-
-    def at(self, corner_values: Float) -> Float:
-        """Anything known at the corners, (P, k)."""
-        return np.einsum("pc,pck->pk", self.barycentric, corner_values[self.face])
-
-
-def draw_points(mesh: SkinMesh, count: int, seed: int) -> SkinPoints:
-    """`count` points of the skin; the same for the same mesh and seed."""
-    rng = np.random.default_rng([seed, 2])
-    area = np.cumsum(mesh.face_area_mm2)
-    face = np.minimum(np.searchsorted(area, rng.random(count) * area[-1], side="right"), len(area) - 1)
-    a, b = rng.random((2, count))
-    over = a + b > 1
-    a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
-    return SkinPoints(face, np.stack([1 - a - b, a, b], axis=1))
+    place: Float
+    tile: NDArray[np.int32]
+    position_mm: Float
+    normal: NDArray[np.float32]
+    texture_mm2: NDArray[np.float32]
 
 
 def in_child(task: Callable[..., Any], *arguments: Any) -> Any:
@@ -102,8 +95,8 @@ def _answer(connection: Connection, task: Callable[..., Any], arguments: tuple[A
         connection.close()
 
 
-def measure_bake(spec: SceneSpec, points: int, picture: bool) -> dict[str, Any]:
-    """Bake once in a temporary folder: seconds by stage, peak memory, bytes, the light at the points, a picture."""
+def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str, Any]:
+    """Bake once in a temporary folder: seconds by stage, peak memory, bytes, the light at the probes, a picture."""
     from skinbake.cli.stages import peak_memory_mib
 
     _warm(spec)
@@ -116,16 +109,17 @@ def measure_bake(spec: SceneSpec, points: int, picture: bool) -> dict[str, Any]:
             "peak_mib": peak,
             "bytes": sum(path.stat().st_size for path in Path(folder).glob("*.exr")),
         }
-        if points:
-            found["values"] = _stored_values(Path(folder), points, spec.output.seed)
+        if at is not None:
+            found["values"] = _stored_values(Path(folder), at)
         if picture:
             found["picture"] = _picture(Path(folder))
         return found
 
 
-def measure_reference(spec: SceneSpec, points: int, picture: bool) -> dict[str, Any]:
-    """The exact integral at the points, and a picture from a bake as near to it as the surface method comes."""
-    found: dict[str, Any] = {"values": exact_values(spec, points)}
+def measure_reference(spec: SceneSpec, probes: int, picture: bool, at: Probed | None = None) -> dict[str, Any]:
+    """The exact integral at probes (drawn here unless given), and a picture from a bake nearly as exact."""
+    values, at = exact_values(spec, probes, at)
+    found: dict[str, Any] = {"values": values} | vars(at)
     if picture or spec.terms.transmission != "off":
         fine = spec.model_copy(
             update={
@@ -136,16 +130,25 @@ def measure_reference(spec: SceneSpec, points: int, picture: bool) -> dict[str, 
         with TemporaryDirectory(prefix="skinbake-") as folder:
             _bake(fine, Path(folder))
             if spec.terms.transmission != "off":
-                found["values"] += _stored_values(Path(folder), points, spec.output.seed, through_only=True)
+                found["values"] += _stored_values(Path(folder), at, through_only=True)
             if picture:
                 found["picture"] = _picture(Path(folder))
     return found
 
 
-def exact_values(spec: SceneSpec, points: int) -> Float:
-    """Diffuse light at the points by the surface integral of the look's Gaussians, (P, 3), summed over lights."""
+def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple[Float, Probed]:
+    """Diffuse light by the surface integral of the look's Gaussians, (P, 3), summed over lights, and the probes.
+
+    Parameters
+    ----------
+    count : int
+        Probes to draw as a bake of this look draws those it verifies itself with.
+    at : Probed, optional
+        Probes of another texture size instead.
+    """
     from skinbake import pipeline
     from skinbake.diffuse.diffuser import Diffuser
+    from skinbake.diffuse.probes import Probes, draw_probes
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.profile import fit_skin
@@ -162,82 +165,58 @@ def exact_values(spec: SceneSpec, points: int) -> Float:
     ]
     del irradiance
     diffuser = Diffuser(source, atlas, scene.mesh, spec.diffusion)
-    drawn = draw_points(scene.mesh, points, spec.output.seed)
-    probes = _probes(drawn, scene.mesh, diffuser, [raster.tile for raster in atlas])
-    total = np.zeros((points, 3))
+    tiles = np.array([raster.tile for raster in atlas], np.int32)
+    centre = diffuser.surface.centre_mm
+    if at is None:
+        probes = draw_probes(atlas, scene.mesh, [p for p, _, _ in diffuser.surface.tiles], count, spec.output.seed)
+        own = probes.position + centre
+        at = Probed(probes.place, tiles[probes.tile], own, probes.normal, probes.texel_mm2 * np.prod(diffuser.size))
+    else:
+        probes = Probes(
+            np.searchsorted(tiles, at.tile).astype(np.int32),
+            np.zeros(len(at.tile), np.int64),
+            at.place,
+            (at.position_mm - centre).astype(np.float32),
+            at.normal,
+            (at.texture_mm2 / np.prod(diffuser.size)).astype(np.float32),
+        )
+    total = np.zeros((len(probes), 3))
     for variance, weight in zip(gaussians.variance_mm2, gaussians.weight_rgb, strict=True):
         lobe = diffuser.reference(float(variance), probes) if variance > 0 else diffuser.read(source, probes, False)
         total += weight * lobe
-    return total * _albedo_after(spec, scene.maps.albedo, scene.maps.albedo_rgb, drawn.at(scene.mesh.corner_uv))
+    return total * _albedo_after(spec, scene.maps.albedo, scene.maps.albedo_rgb, at), at
 
 
-def _probes(drawn: SkinPoints, mesh: SkinMesh, diffuser: Any, tiles: list[int]) -> Any:
-    """The points as the diffusion's own probes; those are texels, ours lie anywhere."""
-    from skinbake.atlas import signed_uv_area
-    from skinbake.diffuse.probes import Probes
-    from skinbake.numerics import safe_div
-
-    height, width = diffuser.size
-    place, tile = _places(drawn.at(mesh.corner_uv), tiles)
-    texel_mm2 = safe_div(mesh.face_area_mm2, np.abs(signed_uv_area(mesh)) * width * height)[drawn.face]
-    return Probes(
-        tile=tile,
-        flat_index=np.zeros(len(tile), np.int64),
-        place=place,
-        position=(drawn.at(mesh.corner_position_mm) - diffuser.surface.centre_mm).astype(np.float32),
-        normal=normalized(drawn.at(mesh.corner_normal)).astype(np.float32),
-        texel_mm2=np.minimum(texel_mm2, np.median(texel_mm2) * 16).astype(np.float32),
-    )
-
-
-def _places(uv: Float, tiles: list[int]) -> tuple[Float, NDArray[np.int32]]:
-    """(row, column) / size within the tile, and the tile's index."""
-    from skinbake.atlas import FIRST_TILE
-
-    if tiles == [FIRST_TILE]:
-        column, row, number = uv[:, 0], 1 - uv[:, 1], np.full(len(uv), FIRST_TILE)
-    else:
-        whole = np.floor(uv).astype(np.int64)
-        column, row = uv[:, 0] - whole[:, 0], 1 - (uv[:, 1] - whole[:, 1])
-        number = FIRST_TILE + whole[:, 0] + 10 * whole[:, 1]
-    index = {tile: i for i, tile in enumerate(tiles)}
-    return np.stack([row, column], axis=1), np.array([index.get(int(n), 0) for n in number], np.int32)
-
-
-def _stored_values(folder: Path, points: int, seed: int, through_only: bool = False) -> Float:
-    """Diffuse light at the points as a reader of the files sees it, (P, 3), summed over lights."""
+def _stored_values(folder: Path, at: Probed, through_only: bool = False) -> Float:
+    """Diffuse light at probes as a reader of the files sees it, (P, 3), summed over lights."""
     from skinbake.diffuse.probes import read_bilinear
     from skinbake.io.bake_folder import read_bake_folder
 
     baked = read_bake_folder(folder)
     scene = baked.scene
-    drawn = draw_points(scene.mesh, points, seed)
-    uv = drawn.at(scene.mesh.corner_uv)
-    tiles = list(scene.tiles)
-    place, tile = _places(uv, tiles)
-    total = np.zeros((points, 3))
+    total = np.zeros((len(at.tile), 3))
     for lobe in scene.lobes:
         if through_only and lobe.variance_mm2 is not None:
             continue
-        for index, number in enumerate(tiles):
-            mine = tile == index
-            image = np.asarray(lobe.rgb[number], np.float32)
-            values = read_bilinear(image, place[mine]).reshape(np.count_nonzero(mine), len(image), 3)
+        for tile, stored in lobe.rgb.items():
+            mine = at.tile == tile
+            image = np.asarray(stored, np.float32)
+            values = read_bilinear(image, at.place[mine]).reshape(np.count_nonzero(mine), len(image), 3)
             total[mine] += np.asarray(lobe.weight_rgb) * values.sum(axis=1)
-    return total * _albedo_after(baked.spec, scene.maps.albedo, scene.maps.albedo_rgb, uv)
+    return total * _albedo_after(baked.spec, scene.maps.albedo, scene.maps.albedo_rgb, at)
 
 
-def _albedo_after(spec: SceneSpec, albedo: Any, constant: tuple[float, float, float], uv: Float) -> Float:
-    """albedo^(1 - x) at the points, 1 where all of it went in before the blur."""
+def _albedo_after(spec: SceneSpec, albedo: Any, constant: tuple[float, float, float], at: Probed) -> Float:
+    """albedo^(1 - x) at the probes, 1 where all of it went in before the blur."""
     from skinbake.diffuse.probes import read_bilinear
 
     exponent = 1 - spec.texturing.exponent_before
     if exponent == 0:
         return np.ones((1, 3))
-    values = np.broadcast_to(np.asarray(constant, np.float64), (len(uv), 3)).copy()
-    place, tile = _places(uv, list(albedo))
-    for index, image in enumerate(albedo.values()):
-        values[tile == index] = read_bilinear(np.asarray(image, np.float32)[None], place[tile == index])
+    values = np.broadcast_to(np.asarray(constant, np.float64), (len(at.tile), 3)).copy()
+    for tile, image in albedo.items():
+        mine = at.tile == tile
+        values[mine] = read_bilinear(np.asarray(image, np.float32)[None], at.place[mine])
     return np.maximum(values, 0) ** exponent
 
 

@@ -99,6 +99,7 @@ class Measurements:
         self.sweep, self.folder, self.points, self.picture, self.verbosity = sweep, folder, points, picture, verbosity
         self.config = config
         wanted = {setting.overrides for setting in sweep.settings} | {r.overrides for r in sweep.references}
+        wanted |= {sweep.twice} - {()}
         self.specs = {own: load_look(config, (*overrides, *own)) for own in wanted}
         self.inputs = input_hashes(next(iter(self.specs.values())))
         self.references = {reference.name: reference for reference in sweep.references}
@@ -130,6 +131,7 @@ class Measurements:
                         start = time.perf_counter()
                         self._make_reference(name)
                         step(f"reference {name}: {time.perf_counter() - start:.1f} s", 3)
+                self._measure_size()
                 for setting in todo:
                     step(self._run(setting), 1)
                     self.write(self.rows())
@@ -168,6 +170,27 @@ class Measurements:
         write_reference(self._reference_path(name), found)
         self.values[name] = found
 
+    def _measure_size(self) -> None:
+        """What the sweep's texture size itself leaves out: the same integral over twice the size, same probes."""
+        from skinbake.cli.measuring import in_child, measure_reference
+        from skinbake.io.tradeoff import append_run
+        from skinbake.tradeoff import difference
+
+        if not self.sweep.twice or self._size_key in self.runs:
+            return
+        finest = self.values["finest"]
+        values = in_child(measure_reference, self.specs[self.sweep.twice], self.points, False, _probed(finest))[
+            "values"
+        ]
+        rms, p95, _ = difference(finest["values"], values)
+        run = {"key": self._size_key, "rms": rms, "p95": p95}
+        self.runs[self._size_key] = [run]
+        append_run(self.folder, run)
+
+    @property
+    def _size_key(self) -> str:
+        return "size-" + self._key(self.specs[self.sweep.twice], self.references["finest"])
+
     def _run(self, setting: Setting) -> str:
         """One bake; the first also tells its error. Gives a line for the terminal."""
         from skinbake.cli.measuring import in_child, measure_bake
@@ -183,7 +206,7 @@ class Measurements:
         first = key not in self.runs
         try:
             found = in_child(
-                measure_bake, self.specs[setting.overrides], self.points if first else 0, first and self.picture
+                measure_bake, self.specs[setting.overrides], _probed(wanted) if first else None, first and self.picture
             )
         except SkinbakeError as error:  # this look cannot be baked so, others can
             self.failed[key] = str(error)
@@ -244,6 +267,12 @@ class Measurements:
             f"{Path(self.config).name} around {size[0]} x {size[1]} texels, {self.points} common probes, "
             f"{processors()} cores, medians of {min(row.runs for row in rows)} or more runs in alternating order."
         )
+        if self.sweep.twice and self._size_key in self.runs:
+            size_run = self.runs[self._size_key][0]
+            note += (
+                f"\n\nThe texture size itself: over twice as many texels a side the same integral differs by "
+                f"{size_run['rms']:.2%} (rms; p95 {size_run['p95']:.2%}), which no row below includes."
+            )
         for reason in sorted(set(self.failed.values())):
             note += f"\n\nLeft out: {reason}"
         write_tables(self.folder, f"Trade-off of {name}", self.sweep, rows, note)
@@ -252,6 +281,12 @@ class Measurements:
 
             title = f"{name}, {size[0]} x {size[1]}, {processors()} cores"
             write_chart(self.folder / "tradeoff.png", title, rows)
+
+
+def _probed(reference: dict[str, Any]) -> Any:
+    from skinbake.cli.measuring import Probed
+
+    return Probed(*(reference[name] for name in ("place", "tile", "position_mm", "normal", "texture_mm2")))
 
 
 def _plain(spec: SceneSpec) -> dict[str, Any]:

@@ -69,8 +69,8 @@ def _front(axes: Any, rows: Sequence[Row]) -> None:
     for limit in LIMITS:
         axes.axhline(limit, color="0.8", lw=0.8, zorder=1)
         axes.annotate(
-            f"{limit:.1%}", (1.0, limit), (-3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
-            ha="right", fontsize=7, color="0.4",
+            f"{limit:.1%}", (0.0, limit), (3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
+            ha="left", fontsize=7, color="0.4", annotation_clip=True,
         )  # fmt: skip
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -85,7 +85,7 @@ def _plain_ticks(axes: Any, rows: Sequence[Row]) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     for axis, form in ((axes.xaxis, lambda x, _: f"{x:g}"), (axes.yaxis, lambda y, _: f"{100 * y:g} %")):
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_locator(LogLocator(subs=(1, 2, 3, 4, 6, 8) if axis is axes.xaxis else (1, 2, 5)))
         axis.set_major_formatter(FuncFormatter(form))
         axis.set_minor_formatter(NullFormatter())
     if rows:

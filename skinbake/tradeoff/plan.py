@@ -52,6 +52,7 @@ class Sweep:
 
     references: tuple[Reference, ...]
     settings: tuple[Setting, ...]
+    twice: Overrides = ()  # of the first reference, on twice the texture size
 
 
 def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") -> Sweep:
@@ -62,7 +63,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     spec : SceneSpec
         The look.
     size : (width, height)
-        Texture size the sweep is about; its own reference is twice that.
+        Texture size the sweep is about; `twice` of the result tells what that size itself leaves out.
     extent : "quick", "default" or "full"
     """
     level = EXTENTS.index(extent)
@@ -73,9 +74,9 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     references = [
         Reference(
             "finest",
-            (_size(size, 2), *base[1:], *finest_skin, *_samples(spec, 1024)),
-            f"the surface integral of the finest profile (all of a given sum, else {FINEST} Gaussians) over a texture "
-            f"of {2 * size[0]} x {2 * size[1]}" + (", area lights with 1024 samples" if _area_lights(spec) else ""),
+            (*base, *finest_skin, *_samples(spec, 1024)),
+            f"the surface integral of the finest profile (all of a given sum, else {FINEST} Gaussians) over the light "
+            f"on {size[0]} x {size[1]} texels" + (", area lights with 1024 samples" if _area_lights(spec) else ""),
         )
     ]
     settings: list[Setting] = []
@@ -91,7 +92,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
         add("method", method, f"diffusion.method={method}")
     for tolerance in ((0.05,), (0.05, 0.02, 0.005), (0.1, 0.05, 0.02, 0.005, 0.002))[level]:
         add("tolerance", f"{tolerance:g}", f"diffusion.tolerance={tolerance}")
-    for scale in ((0.5,), (0.25, 0.5), (0.125, 0.25, 0.5, 2))[level]:
+    for scale in ((0.5,), (0.25, 0.5), (0.125, 0.25, 0.5, 0.75))[level]:
         add("size", _size(size, scale).partition("=")[2].strip("[]").replace(", ", " x "), _size(size, scale))
     storage = {"float": "output.precision=float", "piz": "output.compression=piz"}
     storage |= {"uncompressed": "output.compression=none", "lights summed": "output.lights=total"}
@@ -110,7 +111,8 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
         for reference, rows in _models(spec, base, level):
             references.append(reference)
             settings += rows
-    return Sweep(tuple(references), tuple(settings))
+    twice = (_size(size, 2), *references[0].overrides[1:]) if level else ()
+    return Sweep(tuple(references), tuple(settings), twice)
 
 
 def _size(size: tuple[int, int], scale: float) -> str:
