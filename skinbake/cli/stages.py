@@ -44,8 +44,6 @@ class Stages:
     reused : dict of stage name to bool
         Whether the stage's files were taken as they were.
     timings : dict of stage name to seconds
-    traced : tuple of str
-        Lights whose irradiance was computed here, neither read from the folder nor from the cache.
     """
 
     def __init__(
@@ -61,7 +59,6 @@ class Stages:
         self._stamps: dict[Path, tuple[int, ...] | None] = {}
         self._inner = [0.0]  # seconds of the stages inside each one that runs
         self.reused: dict[str, bool] = {}
-        self.traced: tuple[str, ...] = ()
 
     @contextmanager
     def timed(self, stage: str, reused: bool = False) -> Iterator[None]:
@@ -235,7 +232,7 @@ class Stages:
 
         def make(missing: tuple[str, ...]) -> dict[str, Any]:
             made = pipeline.light_skin(self.spec, self.scene, atlas, missing)
-            self.traced += missing
+            self.workshop.traced += missing
             return light_entries(made, self.spec.output.precision)
 
         cache = self.workshop.cache

@@ -24,10 +24,13 @@ class Workshop:
     cache : Cache or None
     hear : callable
         Told when a stage begins and when it has ended.
+    traced : list of str
+        Lights whose irradiance was computed, neither read from a folder nor from the cache.
     """
 
     cache: Cache | None = None
     hear: Hear = field(default=lambda event: None)
+    traced: list[str] = field(default_factory=list, init=False)
 
     @staticmethod
     def of(folder: str | None, limit_bytes: int, hear: Hear) -> Workshop:
