@@ -27,6 +27,7 @@ from skinbake.io.irradiance import light_keys, read_irradiance, tile_path, write
 from skinbake.io.lobes import lobe_name, read_summary, write_lobes
 from skinbake.io.lock import folder_lock
 from skinbake.io.manifest import NAME, read_manifest
+from skinbake.io.mesh import write_obj
 from skinbake.io.profile import read_gaussians, write_fit
 from skinbake.io.scene_files import read_scene
 from skinbake.irradiance import IrradianceMap
@@ -222,6 +223,8 @@ class Stages:
         found = self._lights(stale, atlas)
         result = merged_lights(tuple(self.light_keys), found, kept, atlas)
         with self.writing():
+            if self.spec.texture.unwrap == "xatlas":  # whoever shades with the textures needs the UVs they are on
+                write_obj(self.out / "mesh.obj", self.scene.mesh, self.spec.mesh.millimetres_per_unit)
             for tile in result:
                 path = paths[tile.tile]
                 write_irradiance(path, tile, self.light_keys, self.header, precision, self.spec.output.compression)

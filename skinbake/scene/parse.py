@@ -32,7 +32,12 @@ def parse(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str])
         return TypeAdapter(kind).validate_python(dict(mapping))
     except ValidationError as error:
         faults = []
-        for fault in error.errors(include_url=False):
+        found = error.errors(include_url=False)
+        for fault in found:
+            if fault["type"] == "too_short" and any(
+                f["loc"][: len(fault["loc"])] == fault["loc"] and f != fault for f in found
+            ):
+                continue  # short only because its faulty items were left out
             key = _key(mapping, fault["loc"], fault["type"])
             if fault["type"].startswith("union_tag"):
                 key = (*key, fault["ctx"]["discriminator"].strip("'"))

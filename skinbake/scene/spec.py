@@ -77,7 +77,6 @@ class TextureSpec(Strict):
     gutter: Annotated[int, Field(ge=0, le=256)] = 8
     udim: bool = False
     unwrap: Literal["none", "xatlas"] = "none"
-    supersample: Annotated[int, Field(ge=1, le=8)] = 4
 
     @field_validator("size", mode="before")
     @classmethod

@@ -145,24 +145,15 @@ CASES = {
 }  # fmt: skip
 
 
-# Wrong today: `bake` writes profile.* before it opens mesh and maps; a fault inside a light is followed by a line
-# that says the list of lights is empty. Take these two away with the faults (xfail_strict says when).
-LATE = {case for case in CASES if case.startswith(("mesh ", "map ", "albedo "))} - {"mesh missing", "map missing"}
-TWICE = {"negative light", "light without direction", "light of unknown type", "spot inside out"}
-
-
 def cases():
-    for case in CASES:
-        for verb in ("check", "bake"):
-            wrong = case in TWICE or (verb == "bake" and case in LATE)
-            yield pytest.param(case, verb, marks=pytest.mark.xfail if wrong else ())
+    return [(case, verb) for case in CASES for verb in ("check", "bake")]
 
 
 def files_of(folder):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-@pytest.mark.parametrize(("case", "verb"), list(cases()))
+@pytest.mark.parametrize(("case", "verb"), cases())
 def test_bad_input_is_refused_in_one_line(tmp_path, capfd, case, verb):
     """Exit 2, one line that names what is wrong, no traceback, no file more than before."""
     change, message = CASES[case]
