@@ -11,11 +11,20 @@ SKINBAKE := $(BIN)/skinbake
 READY := .venv/.ready
 DATA := data/head.obj data/albedo.png data/normal.png data/roughness.png
 # Where the test assets live when somebody put them beside the project; the README says how to get the scan.
-export SKINBAKE_LPS ?= $(firstword $(wildcard data/lee_perry_smith ../shared/assets/lee_perry_smith))
+export SKINBAKE_LPS ?= $(abspath $(firstword $(wildcard data/lee_perry_smith ../shared/assets/lee_perry_smith)))
+
+# Stage files are targets: `make out/head/bake.json`, `make -j2 out/looks/classic-warm/bake.json ...` do what is stale.
+CODE := $(shell find skinbake -name '*.py' -o -name '*.frag' -o -name '*.vert')
+LIGHT_CODE := $(filter skinbake/atlas/% skinbake/irradiance/% skinbake/io/% skinbake/scene/%,$(CODE)) $(wildcard skinbake/*.py)
+SKINS := $(wildcard configs/skins/*.yaml)
+BATCHES := $(basename $(notdir $(shell grep -lE '^(jobs|matrix):' configs/*.yaml)))
+# -jN of make, for the one process that bakes many
+J = $(or $(patsubst -j%,%,$(firstword $(filter -j%,$(MAKEFLAGS)))),1)
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install data bake preview batch tradeoff test check format golden golden-update bench clean
+.PRECIOUS: out/%/bake.json out/%/irradiance.exr
+.PHONY: help install data bake preview batch tradeoff test faults check format golden golden-update bench clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' Makefile
@@ -38,14 +47,35 @@ bake: $(READY)  ## bake CONFIG and render its preview
 preview: $(READY)  ## look at what the bake of CONFIG left
 	$(SKINBAKE) preview $(OUT)
 
-batch: $(READY)  ## bake every look of BATCH
-	$(SKINBAKE) batch $(BATCH)
+batch: $(READY)  ## bake every look of BATCH, with -jN on N processes
+	$(SKINBAKE) batch $(BATCH) -j $(J)
+
+out/%/irradiance.exr: configs/%.yaml $(DATA) $(LIGHT_CODE) | $(READY)
+	$(SKINBAKE) irradiance $< --out $(@D)
+	@touch $@
+
+out/%/bake.json: configs/%.yaml out/%/irradiance.exr $(DATA) $(SKINS) $(CODE) | $(READY)
+	$(SKINBAKE) bake $< --out $(@D)
+	@$(SKINBAKE) info $(@D) --make >$(@D)/bake.d
+
+define BATCH_RULE
+out/$(1)/%/bake.json: configs/$(1).yaml $$(wildcard configs/*.yaml) $$(DATA) $$(SKINS) $$(CODE) | $$(READY)
+	$$(SKINBAKE) batch $$< --out out/$(1) --only '$$*'
+	@$$(SKINBAKE) info $$(@D) --make >$$(@D)/bake.d
+endef
+$(foreach batch,$(BATCHES),$(eval $(call BATCH_RULE,$(batch))))
+
+# What else each bake has read: meshes and maps that lie elsewhere
+-include $(wildcard out/*/bake.d out/*/*/bake.d)
 
 tradeoff: $(READY)  ## measure time and memory against error for CONFIG
 	$(SKINBAKE) tradeoff $(CONFIG)
 
 test: $(READY)  ## run every test
 	$(BIN)/python -m pytest
+
+faults: $(READY)  ## kill a bake fifty times, and before every step on the disk
+	SKINBAKE_KILLS=50 $(BIN)/python -m pytest tests/cli/test_faults.py
 
 check: $(READY)  ## linters and the type checker
 	$(BIN)/ruff check .

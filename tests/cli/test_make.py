@@ -1,0 +1,87 @@
+"""`make` does what is stale and nothing else: its rules run in a copy of the project with one small look."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from skinbake.io.mesh import write_obj
+from tests.cli.test_batch import BATCH
+from tests.conftest import ROOT
+from tests.shapes import relief
+
+pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+
+LOOK = (
+    BATCH.partition("matrix:")[0].replace("defaults:\n", "").replace("\n  ", "\n").removeprefix("  ")
+    + "skin: {model: gaussians, variance_mm2: [1.0], weight_rgb: [[1, 1, 1]]}\npreview: {size: [40, 50]}\n"
+)
+
+
+@pytest.fixture
+def project(tmp_path):
+    """Makefile, code and a .venv that is this one."""
+    for name in ("skinbake", "tests"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for name in ("Makefile", "pyproject.toml"):
+        shutil.copy(ROOT / name, tmp_path)
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    script = tmp_path / ".venv" / "bin" / "skinbake"
+    script.write_text(f"#!/bin/sh\nexec env PYTHONPATH='{ROOT}' '{sys.executable}' -m skinbake \"$@\"\n")
+    script.chmod(0o755)
+    (tmp_path / ".venv" / ".ready").touch()
+    (tmp_path / "data").mkdir()
+    for name in ("head.obj", "albedo.png", "normal.png", "roughness.png"):
+        (tmp_path / "data" / name).touch()
+    (tmp_path / "configs" / "skins").mkdir(parents=True)
+    write_obj(tmp_path / "configs" / "mesh.obj", relief(segments=24))
+    output = "output: {dir: ../out/tiny}"
+    (tmp_path / "configs" / "tiny.yaml").write_text(LOOK.replace("output: {dir: out}", output))
+    text = BATCH.replace("output: {dir: out}", "output: {dir: ../out/looks}\n  preview: {size: [40, 50]}")
+    (tmp_path / "configs" / "looks.yaml").write_text(text)
+    for folder, _, names in os.walk(tmp_path):
+        for name in names:
+            os.utime(os.path.join(folder, name), (0, 10**9))
+    os.utime(tmp_path / ".venv" / ".ready", (0, 10**9 + 1))
+
+    def make(*targets):
+        done = subprocess.run(["make", *targets], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout, done.stderr
+
+    make.folder = tmp_path
+    return make
+
+
+def test_only_what_is_stale_is_made(project):
+    """A stage at a time, then nothing; a touched look is read and nothing is run; a changed mesh is."""
+    said, _ = project("out/tiny/irradiance.exr")
+    assert "skinbake irradiance" in said
+    assert not (project.folder / "out" / "tiny" / "bake.json").exists()
+    said, err = project("out/tiny/bake.json")
+    assert "skinbake irradiance" not in said
+    assert "irradiance  as it was" in err
+    assert "up to date" in project("out/tiny/bake.json")[0]
+    (project.folder / "configs" / "tiny.yaml").touch()
+    _, err = project("out/tiny/bake.json")
+    assert "diffuse     as it was" in err
+    assert "up to date" in project("out/tiny/bake.json")[0]
+    write_obj(project.folder / "configs" / "mesh.obj", relief(segments=20))
+    _, err = project("out/tiny/bake.json")
+    assert "as it was" not in err.partition("irradiance")[2].partition("\n")[0]
+    assert "up to date" in project("out/tiny/bake.json")[0]
+
+
+def test_looks_of_a_batch_are_targets_and_can_be_made_side_by_side(project):
+    """`make -j2` of two looks, then `make -j2 batch` for the rest."""
+    targets = [f"out/looks/{name}/bake.json" for name in ("thin-day", "thick-day")]
+    project("-j2", *targets)
+    assert "up to date" in project(*targets)[0]
+    said, err = project("-j2", "batch")
+    assert "batch configs/looks.yaml -j 2" in said
+    assert err.count("as it was") == 2
+    assert (project.folder / "out" / "looks" / "batch.png").stat().st_size > 1000
