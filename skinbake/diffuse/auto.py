@@ -25,7 +25,7 @@ from skinbake.diffuse.texture import level_size, widest_level
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
 
-PROBES = 1500
+PROBES = 1000
 MARGIN = 0.9  # of the tolerance, for what the planning probes did not see
 LUCK = 2.0  # standard deviations of the measured mean square
 MAX_LEVELS = 4

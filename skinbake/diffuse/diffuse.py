@@ -199,8 +199,10 @@ def _total(diffuser: Diffuser, values: Tiles, level: int) -> tuple[float, float,
 
 def _area_sum(rgb: NDArray[np.float32], flat: NDArray[np.int32], area: NDArray[np.float32]) -> Float:
     total = np.zeros(3)
+    inside = np.flatnonzero(area)
+    weight, where = area[inside].astype(np.float64), flat[inside]
     for light in rgb:
-        total += np.dot(area.astype(np.float64), light.reshape(-1, 3)[flat].astype(np.float64))
+        total += weight @ light.reshape(-1, 3)[where]
     return total
 
 

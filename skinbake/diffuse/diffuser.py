@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +30,7 @@ from skinbake.diffuse.texture import (
     texture_blur,
     texture_pyramids,
 )
+from skinbake.diffuse.upsample import MAX_GAP, interpolate_smooth
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
@@ -145,14 +147,15 @@ class Diffuser:
             mine = probes.tile == k
             height, width = points.row.shape
             flat, weight = bilinear_texels(probes.place[mine], height, width)
-            texels, back = np.unique(flat, return_inverse=True)
-            row = points.row.reshape(-1)[texels]
-            shown = np.maximum(row, 0)
-            values = self._surface_points(
+            # Texel by texel of each probe in turn, so that the four share a batch; those without weight are left out
+            row = points.row.reshape(-1)[flat.reshape(-1)]
+            needed = np.flatnonzero((weight.reshape(-1) > 1e-6) & (row >= 0))
+            shown = row[needed]
+            values = np.zeros((flat.size, out.shape[1]))
+            values[needed] = self._surface_points(
                 sources, points.position[shown], points.normal[shown], points.texel_mm2[shown]
             )
-            values[row < 0] = 0
-            out[mine] = (values[back.reshape(flat.shape)] * weight[..., None]).sum(axis=1)
+            out[mine] = (values.reshape(*flat.shape, -1) * weight[..., None]).sum(axis=1)
         return out
 
     def read(self, tiles: Tiles, probes: Probes, half: bool) -> Float:
@@ -214,14 +217,28 @@ class Diffuser:
         return tiles
 
     def _surface_map(self, variance_mm2: float, level: int, spacing: float) -> Tiles:
+        flat = self._surface_flat(variance_mm2, level, spacing)
+        return [self._by_light(f, p.row.shape) for f, p in zip(flat, self.targets(level), strict=True)]
+
+    def _surface_flat(self, variance_mm2: float, level: int, spacing: float) -> list[NDArray[np.float32]]:
+        """One lobe by flat texel, (h * w, C) a tile: from half the size where that is smooth enough, else summed."""
         sources = self.sources(variance_mm2, spacing)
+        sigma = float(np.sqrt(variance_mm2))
+        height, width = level_size(self.size, level)
+        next_texel = np.sqrt(self.surface.mean_texel_mm2) * 2 ** (level + 1)
+        halve = self.spec.normalise and height % 2 == 0 and width % 2 == 0 and 0.8 * next_texel < MAX_GAP * sigma
+        coarse = self._surface_flat(variance_mm2, level + 1, spacing) if halve else None
         tiles = []
         for k, points in enumerate(self.targets(level)):
             flat = np.zeros((points.row.size, 3 * self.lights), np.float32)
             if level == 0:
                 flat[:] = self.surface.tiles[k][1]
+            if coarse is not None:
+                half = self.targets(level + 1)[k]
+                left = interpolate_smooth(coarse[k], half.row, half.position, points.row, points.position, sigma, flat)
+                points = replace(points, row=left)
             evaluate(sources, points, self.spec.separate, self.spec.normalise, flat)
-            tiles.append(self._by_light(flat, points.row.shape))
+            tiles.append(flat)
         return tiles
 
     def _surface_points(
