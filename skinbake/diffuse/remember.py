@@ -79,6 +79,17 @@ class RememberingDiffuser(Diffuser):
         kind = _kind("reference", variance_mm2, probes)
         return self._columns(kind, lambda part: part.reference(variance_mm2, probes))
 
+    def read_surface(self, variance_mm2: float, level: int, spacing: float, probes: Probes) -> Float:
+        """What reading a stored `surface` lobe will give at the probes, (P, 3 L)."""
+        kind = _kind("read", variance_mm2, level, spacing, probes)
+        return self._columns(kind, lambda part: part.read_surface(variance_mm2, level, spacing, probes))
+
+    def forget(self, variance_mm2: float) -> None:
+        """Drop what only this lobe needed."""
+        super().forget(variance_mm2)
+        for part in self._parts.values():
+            part.forget(variance_mm2)
+
     def _columns(self, kind: Kind, compute: Callable[[Diffuser], Float]) -> Float:
         def make(names: tuple[str, ...]) -> dict[str, Values]:
             values = compute(self._only(names))
@@ -93,9 +104,12 @@ class RememberingDiffuser(Diffuser):
             chosen = [self.names.index(name) for name in names]
             source = self.source if names == self.names else [s[chosen] for s in self.source]
             part = Diffuser(source, self.atlas, self.mesh, self.spec)
-            part._targets = self._targets
+            part._targets, part._atlases = self._targets, self._atlases
             if names == self.names:
-                part.__dict__.update({k: v for k, v in self.__dict__.items() if k in ("surface", "pyramids")})
+                part._sources = self._sources
+                part.__dict__.update(
+                    {k: v for k, v in self.__dict__.items() if k in ("surface", "pyramids", "_metric")}
+                )
             self._parts[names] = part
         return self._parts[names]
 

@@ -138,6 +138,18 @@ def test_one_changed_light_is_baked_alone(here, folder):
     assert digests(folder) == after
 
 
+@pytest.mark.parametrize("method", ["auto", "stretch", "texture", "reference"])
+def test_a_changed_light_gives_the_bytes_of_a_bake_from_nothing(here, folder, method):
+    """Whatever the plan: what is blurred alone is what is blurred together, and the figures in the headers agree."""
+    how = ["--only", "thick-day", "--set", f"diffusion.method={method}", "--set", "texture.size=[64, 56]"]
+    batch(folder, *how)
+    brighter = [*how, "--set", "lights.lamp.intensity=[9000, 20, 3]"]
+    assert batch(folder, *brighter)["thick-day"]["traced"] == ["lamp"]
+    after = digests(folder)
+    batch(folder, *brighter, "--force", "--no-cache")
+    assert digests(folder) == after
+
+
 def test_roughness_re_blurs_nothing(here, folder):
     """The oil layer is the preview's; where it takes no light off the skin the bake stays as it is."""
     batch(folder, "--only", "thin-*")
