@@ -4,11 +4,14 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 
 import pytest
 
+from skinbake.io.mesh import write_obj
+from tests.cli.test_batch import BATCH, digests
 from tests.conftest import ROOT
+from tests.shapes import relief
 
 pytest.importorskip("distributed", reason="the extra `farm` is not installed")
 
@@ -94,6 +97,37 @@ def test_a_lost_worker_s_job_is_taken_up_by_another(tmp_path, cluster):
     assert sorted(ended) == [str(i) for i in range(6)], "a job ended twice, or never"
     assert len(begun) == 7, "the lost job begins a second time"
     assert ["job0", "stage"] in found["events"]
+
+
+def test_a_batch_on_a_farm_leaves_what_one_on_this_machine_does(tmp_path, cluster):
+    """Real bakes through the verb; a worker is killed while it holds a folder: the same bytes, nothing half-written."""
+    address, workers = cluster
+    write_obj(tmp_path / "mesh.obj", relief(segments=24))
+    (tmp_path / "looks.yaml").write_text(BATCH)
+
+    def batch(out, *more):
+        command = [sys.executable, "-m", "skinbake", "batch", str(tmp_path / "looks.yaml"), "--no-preview", "--quiet"]
+        return subprocess.Popen([*command, "--out", str(tmp_path / out), *more], env=ENVIRONMENT, cwd=ROOT)
+
+    def locked():
+        """Folders that a worker writes to, by the worker."""
+        found = {}
+        for path in (tmp_path / "farm").glob("*/.lock"):
+            with suppress(OSError):
+                found |= dict.fromkeys(path.read_text().split()[1:2], path)
+        return found
+
+    with batch("farm", "--dask", address) as process:
+        wait_for(lambda: str(workers[0].pid) in locked())
+        workers[0].kill()
+        assert process.wait(180) == 0
+    with batch("here") as process:
+        assert process.wait(180) == 0
+    assert digests(tmp_path, "farm") == digests(tmp_path, "here")
+    report = json.loads((tmp_path / "farm" / "batch.json").read_text())
+    assert [job["status"] for job in report["jobs"]] == ["done"] * 4
+    assert report["dask"] == address
+    assert not list((tmp_path / "farm").rglob("*.part*"))
 
 
 def test_failures_arrive_and_do_not_stop_the_others(tmp_path, cluster):
