@@ -79,3 +79,17 @@ def compare(image: NDArray[np.floating], reference: NDArray[np.floating], tolera
 
 def _unmeasured(why: str, at: tuple[int, ...] = ()) -> Difference:
     return Difference(False, why, np.nan, np.nan, np.nan, 1.0, at)
+
+
+def read_at(image: NDArray[np.floating], height: int, width: int) -> NDArray[np.float32]:
+    """An image (h, w, channels) read bilinearly at the texel centres of another size, as a stored lobe is."""
+    rows, columns = (
+        np.clip((np.arange(wanted) + 0.5) * have / wanted - 0.5, 0, have - 1)
+        for wanted, have in ((height, image.shape[0]), (width, image.shape[1]))
+    )
+    top, left = np.floor(rows).astype(int), np.floor(columns).astype(int)
+    below, right = np.minimum(top + 1, image.shape[0] - 1), np.minimum(left + 1, image.shape[1] - 1)
+    down, across = (rows - top)[:, None, None], (columns - left)[None, :, None]
+    upper = image[top][:, left] * (1 - across) + image[top][:, right] * across
+    lower = image[below][:, left] * (1 - across) + image[below][:, right] * across
+    return (upper * (1 - down) + lower * down).astype(np.float32)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skinbake.compare import Tolerance, compare
+from skinbake.compare import Tolerance, compare, read_at
 
 IMAGE = np.linspace(0, 1, 7 * 5 * 3).reshape(7, 5, 3)
 
@@ -44,3 +44,15 @@ def test_limits_grow_with_the_reference():
 def test_shapes_must_agree():
     """No broadcasting: a row is not an image."""
     assert "shape" in compare(IMAGE[:1], IMAGE, Tolerance()).why
+
+
+def test_reading_at_another_size_keeps_a_plane():
+    """A linear ramp is linear at any size away from the border, and at its own size nothing changes."""
+    u = (np.arange(12) + 0.5) / 12
+    v = (np.arange(9) + 0.5) / 9
+    plane = (2 * u[None, :, None] + 3 * v[:, None, None] + np.arange(3)).astype(np.float32)
+    np.testing.assert_array_equal(read_at(plane, 9, 12), plane)
+    u2, v2 = (np.arange(30) + 0.5) / 30, (np.arange(21) + 0.5) / 21
+    want = 2 * u2[None, :, None] + 3 * v2[:, None, None] + np.arange(3)
+    inner = np.s_[2:-2, 2:-2]
+    np.testing.assert_allclose(read_at(plane, 21, 30)[inner], want[inner], rtol=1e-6)

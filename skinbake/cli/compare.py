@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -30,8 +31,9 @@ def command(
     picture: str | None,
     as_json: bool,
 ) -> int:
-    """Compare IMAGE with REFERENCE: two EXR or image files, or two bake folders.
+    """Compare IMAGE with REFERENCE: two EXR or image files, or two bake folders, lobe by lobe and their weighted sum.
 
+    Lobes of two bakes that are stored at different sizes are read at the larger one.
     Exit codes: 0 same, 1 differs, 2 could not compare.
     """
     from skinbake.compare import Tolerance, compare
@@ -39,6 +41,8 @@ def command(
 
     tolerance = Tolerance(absolute, relative, allowed, worst)
     ours, theirs = images_of(Path(image)), images_of(Path(reference))
+    if Path(image).is_dir() and Path(reference).is_dir():
+        _of_two_bakes(Path(image), Path(reference), ours, theirs)
     found = {name: compare(ours[name], theirs[name], tolerance) for name in ours if name in theirs}
     missing = sorted(set(ours) ^ set(theirs))
     if as_json:
@@ -53,3 +57,22 @@ def command(
             Path(picture), {n: (ours[n], theirs[n]) for n, d in found.items() if ours[n].shape == theirs[n].shape}
         )
     return 0 if found and not missing and all(d.same for d in found.values()) else 1
+
+
+def _of_two_bakes(image: Path, reference: Path, ours: dict[str, Any], theirs: dict[str, Any]) -> None:
+    """Bring lobes to one size, and add what they sum to."""
+    from skinbake.compare import read_at
+    from skinbake.errors import InputError
+    from skinbake.io.manifest import read_manifest
+    from skinbake.io.pictures import diffuse_of
+
+    try:
+        sums = [diffuse_of(folder, read_manifest(folder)) for folder in (image, reference)]
+    except InputError:  # folders of images, or half a bake: what is there is compared
+        sums = [{}, {}]
+    for images, found in zip((ours, theirs), sums, strict=True):
+        images.update({f"sum of lobes {tile}".strip(): values for tile, values in found.items()})
+    for name in ours.keys() & theirs.keys():
+        if name.startswith(("lobe_", "transmission", "sum of lobes")) and ours[name].shape != theirs[name].shape:
+            height, width = [max(pair) for pair in zip(ours[name].shape, theirs[name].shape, strict=True)][:2]
+            ours[name], theirs[name] = (read_at(values[name], height, width) for values in (ours, theirs))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.compare import read_at
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write
 from skinbake.io.exr import read_parts
@@ -37,6 +39,19 @@ def images_of(path: Path) -> dict[str, Image]:
     return {"": read_map(path, 3, "linear")}
 
 
+def diffuse_of(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Image]:
+    """Sum of a bake's weighted lobes, each read at the largest one's size, by tile ("" where there is one)."""
+    sums: dict[str, Image] = {}
+    sizes = [lobe["size"] for lobe in manifest["lobes"]]
+    width, height = max(size[0] for size in sizes), max(size[1] for size in sizes)
+    for lobe in manifest["lobes"]:
+        weight = np.asarray(lobe["weight_rgb"], np.float32)
+        for tile, file in lobe.get("tiles", {"": lobe["file"]}).items():
+            part = weight * read_at(read_parts(folder / file)["irradiance"].rgb, height, width)
+            sums[tile] = sums[tile] + part if tile in sums else part
+    return sums
+
+
 def false_colour_sheet(path: Path, pairs: Mapping[str, tuple[Image, Image]]) -> None:
     """Write a PNG: a row a pair, first image, second image, their difference relative to the brightest value."""
     import matplotlib
@@ -46,7 +61,7 @@ def false_colour_sheet(path: Path, pairs: Mapping[str, tuple[Image, Image]]) -> 
 
     figure, axes = pyplot.subplots(len(pairs), 3, figsize=(12, 4 * max(len(pairs), 1)), squeeze=False)
     for row, (name, (image, reference)) in zip(axes, pairs.items(), strict=True):
-        top = max(float(np.nanmax(np.abs(reference), initial=0.0)), np.finfo(np.float32).tiny)
+        top = max(float(np.nanmax(np.abs(reference), initial=0.0)), float(np.finfo(np.float32).tiny))
         for axis, values, title in zip(row[:2], (image, reference), (name, "reference"), strict=True):
             axis.imshow(np.clip(_rgb(values) / top, 0, 1) ** (1 / 2.2))
             axis.set_title(title, fontsize=8)
