@@ -11,7 +11,7 @@ from scipy.special import ive
 
 from skinbake.numerics import Float
 
-TAIL = 1e-7  # 1-D mass that truncation may lose, both sides together
+TAIL = 1e-6  # 1-D mass that truncation may lose, both sides together
 _WIDE_T = 1e4  # above this the Bessel form and the sampled Gaussian differ by less than 1e-6 of a step
 
 

@@ -12,7 +12,12 @@ from skinbake.diffuse.texture import widest_level
 from skinbake.profile.gaussian_sum import GaussianSum
 
 # Bilinear reading of texels of side h is wrong by this (h / sigma)^2, rms: measured on a scan whose texels vary 7.7 x
-BILINEAR_ERROR = 0.055
+BILINEAR_ERROR = {
+    "surface": 0.055,
+    "reference": 0.055,
+    "texture": 0.008,
+    "stretch": 0.008,
+}  # these two are smooth in UV
 _STORAGE_SHARE = 0.6  # of the tolerance
 # Clusters of `spacing` sigma are wrong by this spacing^2, rms: 0.0014 on the same scan, 0.004 on small hard-lit shapes
 CLUSTER_ERROR = 0.002
@@ -54,7 +59,7 @@ def fixed_plan(diffuser: Diffuser, method: str, variance_mm2: float) -> LobePlan
     ratio = variance_mm2 / texel_mm2 if texel_mm2 > 0 else 0.0
     if ratio < IDENTITY_TEXELS2:
         return LobePlan("identity", 0, 0.0, f"sigma is {np.sqrt(ratio):.3f} texel: nothing to blur")
-    level = storage_level(diffuser, variance_mm2, diffuser.spec.tolerance)
+    level = storage_level(diffuser, method, variance_mm2, diffuser.spec.tolerance)
     if method == "stretch":  # its blocks are whole texels
         while level and (diffuser.size[0] % (1 << level) or diffuser.size[1] % (1 << level)):
             level -= 1
@@ -62,13 +67,13 @@ def fixed_plan(diffuser: Diffuser, method: str, variance_mm2: float) -> LobePlan
     return LobePlan(method, level, spacing, f"asked for; sigma is {np.sqrt(ratio) / 2**level:.1f} stored texels")
 
 
-def storage_level(diffuser: Diffuser, variance_mm2: float, tolerance: float) -> int:
+def storage_level(diffuser: Diffuser, method: str, variance_mm2: float, tolerance: float) -> int:
     """Coarsest level whose bilinear reading costs its share of the tolerance, by the estimate above."""
     coarsest = widest_level(diffuser.variance_texels2(variance_mm2))
     level = 0
     while level < coarsest:
         h2 = diffuser.surface.mean_texel_mm2 * 4 ** (level + 1)
-        if BILINEAR_ERROR * h2 / variance_mm2 > _STORAGE_SHARE * tolerance:
+        if BILINEAR_ERROR[method] * h2 / variance_mm2 > _STORAGE_SHARE * tolerance:
             break
         level += 1
     return level

@@ -128,6 +128,9 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
     flat = image.reshape(height, n)
     taps = weight_x.shape[1]
     pad = taps * channels
+    columns = out.shape[1]
+    # An even texture is halved with the same weights everywhere: even and odd columns apart, whole rows are summed
+    halved = columns > 1 and first_x[columns - 1] - first_x[0] == 2 * (columns - 1)
     for i in prange(out.shape[0]):
         line = np.zeros(n + 2 * pad, np.float32)
         middle = line[pad : pad + n]
@@ -138,7 +141,23 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
                 here = flat[row]
                 for p in range(n):
                     middle[p] += h * here[p]
-        for j in range(out.shape[1]):
+        if halved:
+            length = (columns + taps) * channels
+            parts = np.zeros((2, length), np.float32)
+            for m in range(columns + taps):
+                for side in range(2):
+                    col = first_x[0] + 2 * m + side
+                    if 0 <= col < width:
+                        for c in range(channels):
+                            parts[side, m * channels + c] = middle[col * channels + c]
+            whole = out[i].reshape(columns * channels)
+            for k in range(taps):
+                h = weight_x[0, k]
+                part = parts[k % 2, k // 2 * channels : (k // 2 + columns) * channels]
+                for p in range(columns * channels):
+                    whole[p] += h * part[p]
+            continue
+        for j in range(columns):
             to = out[i, j]
             first = min(max(first_x[j], -taps), width)
             for k in range(taps):

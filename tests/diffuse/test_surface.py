@@ -137,14 +137,14 @@ def test_both_sides_of_a_seam_agree():
         assert apart[0] < 0.1 * apart[1]
 
 
-def seam_samples(mesh: SkinMesh, count: int):
-    """The two UVs of points on edges whose faces disagree about UV, both (count, 2)."""
+def seam_samples(mesh: SkinMesh, count: int, with_faces: bool = False):
+    """The two UVs of points on edges whose faces disagree about UV, both (count, 2); and their faces where asked."""
     edges = {}
     for f in range(len(mesh.faces)):
         for k in range(3):
             a, b = int(mesh.faces[f, k]), int(mesh.faces[f, (k + 1) % 3])
             edges.setdefault((min(a, b), max(a, b)), []).append((f, k, a > b))
-    rows = []
+    rows, faces = [], []
     for shared in edges.values():
         if len(shared) == 2:
             uv = []
@@ -153,10 +153,12 @@ def seam_samples(mesh: SkinMesh, count: int):
                 uv.append(ends[::-1] if flipped else ends)
             if np.abs(uv[0] - uv[1]).max() > 1e-6:
                 rows.append(uv)
+                faces.append([shared[0][0], shared[1][0]])
     ends = np.array(rows)
     rng = np.random.default_rng(5)
     pick, along = rng.integers(len(ends), size=count), rng.random((count, 1))
-    return [ends[pick, side, 0] * (1 - along) + ends[pick, side, 1] * along for side in (0, 1)]
+    pairs = [ends[pick, side, 0] * (1 - along) + ends[pick, side, 1] * along for side in (0, 1)]
+    return (pairs, [np.array(faces)[pick, side] for side in (0, 1)]) if with_faces else pairs
 
 
 def _read(image, uv):
