@@ -49,50 +49,73 @@ class Probed:
     texture_mm2: NDArray[np.float32]
 
 
+class Child:
+    """A fresh process that does what it is told, one task after another; a context manager."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._ours, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def __enter__(self) -> Child:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ours.close()  # the child sees the end and leaves; one in the middle of a bake is ended
+        self._process.join(0.5)
+        if self._process.is_alive():
+            self._process.terminate()
+        self._process.join()
+
+    def __call__(self, task: Callable[..., Any], *arguments: Any) -> Any:
+        """What `task(*arguments)` returns there.
+
+        Raises
+        ------
+        SkinbakeError
+            What the task raised.
+        MachineError
+            The process died.
+        """
+        try:
+            self._ours.send((task, arguments))
+            result = self._ours.recv()
+        except (EOFError, BrokenPipeError):
+            self._process.join()
+            raise MachineError(
+                f"a measured bake died with exit code {self._process.exitcode} (out of memory?)"
+            ) from None
+        if isinstance(result, SkinbakeError):
+            raise result
+        return result
+
+
 def in_child(task: Callable[..., Any], *arguments: Any) -> Any:
-    """Run `task` in a fresh process and give what it returns.
-
-    Raises
-    ------
-    SkinbakeError
-        What the task raised.
-    MachineError
-        The process died.
-    """
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_answer, args=(theirs, task, arguments))
-    process.start()
-    theirs.close()
-    try:
-        result = ours.recv()
-    except EOFError:
-        process.join()
-        raise MachineError(f"a measured process died with exit code {process.exitcode} (out of memory?)") from None
-    finally:
-        if process.is_alive():
-            process.join(0.5)
-        if process.is_alive():
-            process.terminate()
-        process.join()
-        ours.close()
-    if isinstance(result, BaseException):
-        raise result
-    return result
+    """Run one task in a process of its own."""
+    with Child() as child:
+        return child(task, *arguments)
 
 
-def _answer(connection: Connection, task: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+def _serve(connection: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends us
-    try:
-        connection.send(task(*arguments))
-    except SkinbakeError as error:
-        connection.send(MachineError(str(error)) if isinstance(error, MachineError) else InputError(str(error)))
-    except MemoryError:
-        connection.send(MachineError("out of memory"))
-    except Exception as error:
-        connection.send(MachineError(f"{type(error).__name__}: {error}"))
-    finally:
-        connection.close()
+    while True:
+        try:
+            task, arguments = connection.recv()
+        except EOFError:
+            return
+        try:
+            result = task(*arguments)
+        except MachineError as error:
+            result = MachineError(str(error))
+        except SkinbakeError as error:
+            result = InputError(str(error))
+        except MemoryError:
+            result = MachineError("out of memory")
+        except Exception as error:
+            result = MachineError(f"{type(error).__name__}: {error}")
+        connection.send(result)
 
 
 def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str, Any]:

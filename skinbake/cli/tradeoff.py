@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +54,7 @@ def command(
     spec = load_look(config, overrides)
     folder = Path(out) if out else Path(spec.output.dir) / "tradeoff"
     extent = extent or "default"
-    runs = repeats or {"quick": 1, "default": 3, "full": 5}[extent]
+    runs = repeats or {"quick": 1, "default": 2, "full": 5}[extent]
     sweep = plan_sweep(spec, _sweep_size(spec, size, extent), extent)
     work = Measurements(config, overrides, sweep, folder, points, picture, verbosity)
     stopped = work.measure(runs)
@@ -119,9 +119,11 @@ class Measurements:
 
     def measure(self, repeats: int) -> bool:
         """Bring every setting to `repeats` runs, in alternating order; True if Ctrl-C ended it."""
+        from skinbake.cli.measuring import Child, in_child
         from skinbake.cli.progress_bar import counted
 
         todo = list(self._todo(repeats))
+        again: Child | None = None  # repeats need no process of their own: the first run has told the memory
         names = {s.reference for s in self.sweep.settings} & set(self.references)
         missing = [name for name in names if self._stored(name) is None]
         try:
@@ -133,10 +135,17 @@ class Measurements:
                         step(f"reference {name}: {time.perf_counter() - start:.1f} s", 3)
                 self._measure_size()
                 for setting in todo:
-                    step(self._run(setting), 1)
+                    if self.key(setting) not in self.runs:
+                        step(self._run(setting, in_child), 1)
+                    else:
+                        again = again or Child()
+                        step(self._run(setting, again), 1)
                     self.write(self.rows())
         except KeyboardInterrupt:
             return True
+        finally:
+            if again:
+                again.__exit__()
         return False
 
     def _todo(self, repeats: int) -> Iterator[Setting]:
@@ -191,9 +200,9 @@ class Measurements:
     def _size_key(self) -> str:
         return "size-" + self._key(self.specs[self.sweep.twice], self.references["finest"])
 
-    def _run(self, setting: Setting) -> str:
+    def _run(self, setting: Setting, run_in: Callable[..., Any]) -> str:
         """One bake; the first also tells its error. Gives a line for the terminal."""
-        from skinbake.cli.measuring import in_child, measure_bake
+        from skinbake.cli.measuring import measure_bake
         from skinbake.errors import SkinbakeError
         from skinbake.io.tradeoff import append_run
         from skinbake.preview.likeness import likeness
@@ -205,7 +214,7 @@ class Measurements:
         wanted = self.values[setting.reference]
         first = key not in self.runs
         try:
-            found = in_child(
+            found = run_in(
                 measure_bake, self.specs[setting.overrides], _probed(wanted) if first else None, first and self.picture
             )
         except SkinbakeError as error:  # this look cannot be baked so, others can
@@ -244,7 +253,7 @@ class Measurements:
                     first["p95"],
                     first["max"],
                     float(np.median([run["seconds"] for run in runs])),
-                    max(run["peak_mib"] for run in runs),
+                    first["peak_mib"],
                     first["bytes"],
                     first.get("flip", float("nan")),
                     first.get("ssim", float("nan")),

@@ -13,6 +13,7 @@ from skinbake.diffuse.points import TexelPoints
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
+HALF_FAINT = 1 / 64  # as io.exr: a channel all below would lose its shadows to half's subnormals
 VERIFY, PLAN = 0, 1  # streams of the same seed: a plan never sees the probes that judge it
 SQUEEZED = 64.0  # texels of skin in one texel
 
@@ -134,7 +135,7 @@ def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) 
     place : ndarray of shape (P, 2)
         (row, column) / size.
     half : bool
-        Round each texel to binary16 first.
+        Round each texel to binary16 first, as a file would hold it.
 
     Returns
     -------
@@ -144,9 +145,10 @@ def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) 
     flat, weight = bilinear_texels(place, height, width)
     values = image.reshape(lights, -1, 3)[:, flat]
     if half:
-        with np.errstate(over="ignore"):  # past 65504 the writer takes float
+        with np.errstate(over="ignore"):  # past 65504, and for channels faint all over, the writer takes float
             rounded = values.astype(np.float16).astype(np.float32)
-        values = np.where(np.isfinite(rounded), rounded, values)
+        top = np.abs(values).max(axis=(1, 2), keepdims=True, initial=0.0)
+        values = np.where(np.isfinite(rounded) & (top >= HALF_FAINT), rounded, values)
     return np.einsum("lpkc,pk->plc", values.astype(np.float64), weight).reshape(len(place), 3 * lights)
 
 

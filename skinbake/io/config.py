@@ -152,7 +152,10 @@ def _absolute(text: str, base: Path) -> Path:
             raise InputError(f"expected the environment variable {match[1]}, which is not set")
         return value
 
-    return Path(os.path.normpath(base / Path(_VARIABLE.sub(variable, text)).expanduser()))
+    try:
+        return Path(os.path.normpath(base / Path(_VARIABLE.sub(variable, text)).expanduser()))
+    except RuntimeError as error:  # ~somebody, who has no home here
+        raise InputError(f"expected a path, got {text!r}: {error}") from error
 
 
 def preset_folders(*beside: Path) -> list[Path]:
