@@ -19,7 +19,7 @@ from skinbake.diffuse.diffuse_map import PlanLine
 from skinbake.diffuse.diffuser import Diffuser
 from skinbake.diffuse.error import weighted_sum
 from skinbake.diffuse.plan import IDENTITY_TEXELS2, LobePlan, cluster_spacing
-from skinbake.diffuse.probes import PLAN, Probes, draw_probes
+from skinbake.diffuse.probes import PLAN, Probes, draw_probes, joined_probes
 from skinbake.diffuse.surface import CUT_SIGMA
 from skinbake.diffuse.texture import level_size, widest_level
 from skinbake.numerics import Float
@@ -59,9 +59,14 @@ class Candidate:
 
 
 def plan_auto(
-    diffuser: Diffuser, gaussians: GaussianSum, seed: int, precision: str
+    diffuser: Diffuser, gaussians: GaussianSum, seed: int, precision: str, also: Probes | None = None
 ) -> tuple[tuple[LobePlan, ...], list[PlanLine]]:
     """Choose, measure and explain.
+
+    Parameters
+    ----------
+    also : Probes, optional
+        Probes at which an earlier plan failed: they are part of this one's, and must not judge it.
 
     Returns
     -------
@@ -72,6 +77,8 @@ def plan_auto(
     points = [p for p, _, _ in diffuser.surface.tiles]
     where = np.concatenate([contrast(*tile) for tile in diffuser.surface.tiles])
     probes = draw_probes(diffuser.atlas, diffuser.mesh, points, PROBES, seed, PLAN, where)
+    if also is not None:
+        probes = joined_probes(probes, also)
     exact = [diffuser.reference(float(v), probes) for v in gaussians.variance_mm2]
     options = [
         _candidates(diffuser, float(v), probes, want, precision == "half")

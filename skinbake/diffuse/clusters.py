@@ -124,14 +124,25 @@ def _single_texels(
 
 
 def contrast(points: TexelPoints, radiosity: NDArray[np.float32], pyramid: MomentPyramid) -> NDArray[np.float32]:
-    """How much the light changes around each point, over 4, 16 and 64 texels: where errors will be."""
+    """Where errors will be: change of the light around each point, over 4, 16 and 64 texels, and of the texels' size.
+
+    The second part, in units of the light around, finds borders of charts and skin that the UVs squeeze or stretch.
+    """
     row, col = np.divmod(points.flat_index, points.row.shape[1])
     means = [radiosity[points.flat_index].sum(axis=1)]
     for level in (2, 4, 6):
         if level <= len(pyramid.radiosity):
             means.append(pyramid.radiosity[level - 1][row >> level, col >> level].sum(axis=1))
-    changes = [np.abs(fine - coarse) for fine, coarse in pairwise(means)]
-    return np.sum(changes, axis=0, dtype=np.float32) if changes else np.zeros(len(row), np.float32)
+    changes = np.zeros(len(row), np.float32)
+    for fine, coarse in pairwise(means):
+        changes += np.abs(fine - coarse)
+    if len(pyramid.moments) >= 2:
+        block = pyramid.moments[1][row >> 2, col >> 2]
+        mean_area = np.maximum(block[:, 0], 1e-12)
+        uneven = np.abs(np.log(np.maximum(points.area_mm2, 1e-12) / (mean_area / 16)))
+        stretched = np.log(np.maximum(12 * block[:, 4] / mean_area, 1))  # a square's spread is a twelfth of its area
+        changes += 0.3 * (np.minimum(uneven, 2) + np.minimum(stretched, 4)) * means[-1]
+    return changes
 
 
 @njit(cache=True, parallel=True)

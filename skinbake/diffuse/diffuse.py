@@ -14,7 +14,7 @@ from skinbake.diffuse.diffuser import Diffuser, Tiles
 from skinbake.diffuse.error import measure_error, weighted_sum
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.plan import LobePlan, plan_lines, plan_lobes
-from skinbake.diffuse.probes import VERIFY, Probes, draw_probes, squeezed_share
+from skinbake.diffuse.probes import VERIFY, VERIFY_AGAIN, Probes, draw_probes, squeezed_share
 from skinbake.diffuse.remember import Remember, RememberingDiffuser
 from skinbake.errors import InputError
 from skinbake.numerics import Float
@@ -87,24 +87,29 @@ def diffuse(
         plans = plan_lobes(diffuser, gaussians)
         lines = plan_lines(plans, gaussians)
 
-    made: list[Tiles] = []
-    for i, (plan, variance) in enumerate(zip(plans, gaussians.variance_mm2, strict=True)):
-        tell(f"lobe {i}: {plan.method}")
-        made.append(diffuser.map(plan.method, float(variance), plan.level, plan.spacing))
-
+    made = _made(diffuser, plans, gaussians, tell)
     error: MeasuredError | None = None
     by_lobe: list[MeasuredError | None] = [None] * len(plans)
     if spec.probes:
         tell("measuring the error")
         points = [p for p, _, _ in diffuser.surface.tiles]
         probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY)
-        squeezed = squeezed_share(points)
-        if squeezed > 0:
-            lines.append(
-                PlanLine("squeezed skin", False, f"{squeezed:.2%} of the skin has no texture to speak of: not judged")
-            )
         if len(probes):
             error, by_lobe = _errors(diffuser, plans, made, gaussians, probes, precision)
+        if error is not None and error.rms > spec.tolerance and spec.method == "auto":
+            # The probes showed what the plan had not seen: plan with them, and judge by others
+            tell("planning again")
+            plans, lines = plan_auto(diffuser, gaussians, seed, precision, probes)
+            made = _made(diffuser, plans, gaussians, tell)
+            probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY_AGAIN)
+            first = error.rms
+            error, by_lobe = _errors(diffuser, plans, made, gaussians, probes, precision)
+            why = f"the first plan was wrong by {first:.3%} at probes that it had not seen; judged by others again"
+            lines.append(PlanLine("second plan", True, why))
+        squeezed = squeezed_share(points)
+        if squeezed > 0:
+            why = f"{squeezed:.2%} of the skin has no texture to speak of: not judged"
+            lines.append(PlanLine("squeezed skin", False, why))
     met = error is None or error.rms <= spec.tolerance
     return DiffuseMap(
         lights=lights,
@@ -126,6 +131,16 @@ def diffuse(
         tolerance_met=met,
         advice="" if met or error is None else _advice(spec, error),
     )
+
+
+def _made(
+    diffuser: Diffuser, plans: tuple[LobePlan, ...], gaussians: GaussianSum, tell: Callable[[str], None]
+) -> list[Tiles]:
+    made = []
+    for i, (plan, variance) in enumerate(zip(plans, gaussians.variance_mm2, strict=True)):
+        tell(f"lobe {i}: {plan.method}")
+        made.append(diffuser.map(plan.method, float(variance), plan.level, plan.spacing))
+    return made
 
 
 def _checked(source: dict[int, NDArray[np.float32]], lights: tuple[str, ...], atlas: Atlas) -> Tiles:
@@ -212,7 +227,7 @@ def _area_sum(rgb: NDArray[np.float32], flat: NDArray[np.int32], area: NDArray[n
 def _advice(spec: DiffusionSpec, error: MeasuredError) -> str:
     head = f"measured rms {error.rms:.2%} is above diffusion.tolerance {spec.tolerance:.2%}: "
     if error.storage > error.method:
-        return head + "storage is the larger part; set output.precision to float, or raise texture.size"
+        return head + "storage is the larger part; raise texture.size, or set output.precision to float"
     if spec.method in ("texture", "stretch"):
         return head + "the method is the larger part; set diffusion.method to auto or surface"
     return head + "the method is the larger part; raise texture.size, or the tolerance"

@@ -179,9 +179,9 @@ class Diffuser:
         normal: NDArray[np.float32],
         texel: NDArray[np.float32],
     ) -> Float:
-        texels, rows = self.surface.texels
+        rows, area = self.surface.texels
         return reference_integral(
-            rows, texels.area_mm2[rows.order], position, normal, texel, variance_mm2,
+            rows, area, position, normal, texel, variance_mm2,
             self.spec.separate, self.spec.normalise,
         )  # fmt: skip
 

@@ -14,7 +14,7 @@ from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
 HALF_FAINT = 1 / 64  # as io.exr: a channel all below would lose its shadows to half's subnormals
-VERIFY, PLAN = 0, 1  # streams of the same seed: a plan never sees the probes that judge it
+VERIFY, PLAN, VERIFY_AGAIN = 0, 1, 2  # streams of the same seed: a plan never sees the probes that judge it
 SQUEEZED = 64.0  # texels of skin in one texel
 
 
@@ -47,6 +47,15 @@ class Probes:
 
     def __len__(self) -> int:
         return len(self.tile)
+
+
+def joined_probes(first: Probes, second: Probes) -> Probes:
+    """Both sets; means over either are means over the skin, so means over both are too."""
+    parts = {}
+    for name in ("tile", "flat_index", "place", "position", "normal", "texel_mm2"):
+        parts[name] = np.concatenate([getattr(first, name), getattr(second, name)])
+    weights = [np.broadcast_to(p.weight, len(p)) for p in (first, second)]
+    return Probes(**parts, weight=np.concatenate(weights))
 
 
 def draw_probes(

@@ -14,14 +14,14 @@ stochastic scaling would, but then M would no longer be the integral that the er
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
-from skinbake.diffuse.clusters import Clusters, MomentPyramid, cut_clusters, moment_pyramid
+from skinbake.diffuse.clusters import MomentPyramid, cut_clusters, moment_pyramid
 from skinbake.diffuse.gather import gather, make_batches
 from skinbake.diffuse.lattice import lattice_gaussian
 from skinbake.diffuse.points import TexelPoints, texel_points
@@ -61,11 +61,18 @@ class SurfaceLight:
         return area / max(1, sum(int(np.count_nonzero(p.area_mm2)) for p, _, _ in self.tiles))
 
     @cached_property
-    def texels(self) -> tuple[Clusters, SourceRows]:
-        """Every texel that has area, and the same sorted: sources of the narrowest lobes and of the reference."""
-        clusters = cut_clusters(self.tiles, -1.0)
-        cell = 2 * np.sqrt(max(self.mean_texel_mm2, 1e-12))
-        return clusters, sort_into_rows(clusters.position, clusters.normal, clusters.radiosity, cell)
+    def texels(self) -> tuple[SourceRows, NDArray[np.float32]]:
+        """Every texel that has area, sorted, and the areas: sources of the narrowest lobes and of the reference."""
+        kept = [np.flatnonzero(points.area_mm2) for points, _, _ in self.tiles]
+        tiles = list(zip(self.tiles, kept, strict=True))
+        rows = sort_into_rows(
+            np.concatenate([points.position[k] for (points, _, _), k in tiles]),
+            np.concatenate([points.normal[k] for (points, _, _), k in tiles]),
+            np.concatenate([light[points.flat_index[k]] for (points, light, _), k in tiles]),
+            2 * np.sqrt(max(self.mean_texel_mm2, 1e-12)),
+        )
+        area = np.concatenate([points.area_mm2[k] for (points, _, _), k in tiles])[rows.order]
+        return replace(rows, order=rows.order[:0]), area
 
 
 @dataclass(frozen=True)
@@ -113,14 +120,16 @@ def lobe_sources(
     """
     max_spread = spacing**2 / 12 * variance_mm2
     if max_spread < light.mean_texel_mm2 / 16:  # a quarter of the spread of four texels: most would stand alone
-        clusters, rows = light.texels
+        rows, amplitude = light.texels
+        narrowing = np.ones_like(amplitude)
     else:
         clusters = cut_clusters(light.tiles, max_spread)
         rows = sort_into_rows(clusters.position, clusters.normal, clusters.radiosity, cut * np.sqrt(variance_mm2) / 3)
-    narrowing = (variance_mm2 / (variance_mm2 - clusters.spread_mm2.astype(np.float64))).astype(np.float32)
-    amplitude = clusters.area_mm2 * narrowing
+        narrowing = (variance_mm2 / (variance_mm2 - clusters.spread_mm2.astype(np.float64))).astype(np.float32)
+        narrowing = narrowing[rows.order]
+        amplitude = clusters.area_mm2[rows.order] * narrowing
     scale = float(amplitude.max(initial=0)) or 1.0
-    return LobeSources(rows, narrowing[rows.order], amplitude[rows.order] / np.float32(scale), variance_mm2, cut, scale)
+    return LobeSources(rows, narrowing, amplitude / np.float32(scale), variance_mm2, cut, scale)
 
 
 def evaluate(

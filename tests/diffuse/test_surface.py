@@ -43,16 +43,14 @@ def test_reference_equals_brute_force(variance, separate):
     """To 1e-6, for lobes from a third of a texel up: nothing of the neighbour search shows."""
     mesh, atlas, (light,) = _bumps()
     flat = surface_light([light[0]], atlas, mesh)
-    clusters, rows = flat.texels
+    rows, area = flat.texels
     points = flat.tiles[0][0]
     pick = np.flatnonzero(points.area_mm2 > 0)[::301]
     coarse = np.full(len(pick), 1e-6, np.float32)  # lobes are not widened to the lattice here
-    got = reference_integral(
-        rows, clusters.area_mm2[rows.order], points.position[pick], points.normal[pick], coarse, variance, separate
-    )
+    got = reference_integral(rows, area, points.position[pick], points.normal[pick], coarse, variance, separate)
     want = brute_force(
-        points.position[pick], points.normal[pick], clusters.position, clusters.normal, clusters.area_mm2,
-        clusters.radiosity.astype(float), variance, separate,
+        points.position[pick], points.normal[pick], rows.position, rows.normal, area,
+        rows.radiosity.astype(float), variance, separate,
     )  # fmt: skip
     np.testing.assert_allclose(got, want, atol=1e-6)
 
