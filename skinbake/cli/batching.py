@@ -134,7 +134,7 @@ def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
 
 def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
     """A line a look: its stages that would run, and why; and whether every input is there."""
-    from skinbake.cli.stages import Stages
+    from skinbake.cli.look_folder import LookFolder
     from skinbake.cli.stale import stale_stages
     from skinbake.cli.workshop import Workshop
 
@@ -143,7 +143,7 @@ def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
         order = plan.order(job)
         workshop = Workshop.of(order.cache, order.cache_bytes, lambda event: None)
         try:
-            stale = stale_stages(Stages(job.spec, plan.force, verbosity=0, workshop=workshop), plan.preview)
+            stale = stale_stages(LookFolder(job.spec, plan.force, verbosity=0, workshop=workshop), plan.preview)
             text = "; ".join(f"{stage}: {why}" for stage, why in stale.items()) or "as it was"
         except SkinbakeError as error:
             text, ok = f"cannot be baked: {error}", False

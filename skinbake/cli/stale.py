@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from skinbake.cli.baking import preview_is_current
 from skinbake.cli.keys import preview_key
-from skinbake.cli.stages import Stages
+from skinbake.cli.look_folder import LookFolder
 
 
-def stale_stages(stages: Stages, preview: bool) -> dict[str, str]:
+def stale_stages(stages: LookFolder, preview: bool) -> dict[str, str]:
     """Stages that would run, and why.
 
     Raises
@@ -34,8 +34,8 @@ def stale_stages(stages: Stages, preview: bool) -> dict[str, str]:
     return found
 
 
-def _lights(stages: Stages, lights: tuple[str, ...]) -> str:
-    cache = stages.workshop.cache
+def _lights(stages: LookFolder, lights: tuple[str, ...]) -> str:
+    cache = stages.cache
     ready = [name for name in lights if cache is not None and cache.path_of(stages.light_keys[name]).exists()]
     trace = [name for name in lights if name not in ready]
     parts = [f"trace {', '.join(trace)}"] if trace else []
@@ -43,5 +43,5 @@ def _lights(stages: Stages, lights: tuple[str, ...]) -> str:
     return "; ".join(parts) or "to put in order"
 
 
-def _drawn(stages: Stages, lobes: str) -> str:
+def _drawn(stages: LookFolder, lobes: str) -> str:
     return preview_key(stages.spec, stages.inputs, lobes)

@@ -209,12 +209,12 @@ def test_an_input_that_vanishes_is_named_and_its_return_heals(bakes):
 
 def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
     """Else its results would be kept under the key of what it was before."""
-    from skinbake.cli import stages
+    from skinbake.cli import look_folder
     from skinbake.io.config import load_look
 
-    stage = stages.Stages(load_look(bakes.folder / "look.yaml"), verbosity=0)
+    stage = look_folder.LookFolder(load_look(bakes.folder / "look.yaml"), verbosity=0)
     assert stage.inputs["mesh"]
-    read = stages.read_scene
+    read = look_folder.read_scene
 
     def read_and_touch(spec):
         scene = read(spec)
@@ -222,7 +222,7 @@ def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
             file.write("# edited\n")
         return scene
 
-    monkeypatch.setattr(stages, "read_scene", read_and_touch)
+    monkeypatch.setattr(look_folder, "read_scene", read_and_touch)
     with pytest.raises(InputError, match=r"mesh\.obj: it was changed while it was read; run again"):
         _ = stage.scene
 
