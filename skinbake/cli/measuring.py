@@ -10,6 +10,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -124,10 +125,13 @@ def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str,
 
     _warm(spec)
     with TemporaryDirectory(prefix="skinbake-") as folder:
+        cpu = time.process_time()
         manifest = _bake(spec, Path(folder))
+        cpu = time.process_time() - cpu
         peak = peak_memory_mib()
         found: dict[str, Any] = {
             "seconds": manifest["timings"]["total"],
+            "cpu_seconds": cpu,
             "stages": {stage: seconds for stage, seconds in manifest["timings"].items() if stage != "total"},
             "peak_mib": peak,
             "bytes": sum(path.stat().st_size for path in Path(folder).glob("*.exr")),

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from skinbake.scene.spec import SceneSpec
     from skinbake.tradeoff import Reference, Row, Setting, Sweep
 
+CLOCKS = {"wall": "wall time", "cpu": "processor time of all cores together"}
+
 
 @click.command("tradeoff")
 @config_argument
@@ -25,6 +27,13 @@ if TYPE_CHECKING:
 @click.option("--size", type=click.IntRange(16, 32768), help="Texture size (longer side); at most 1024 by default.")
 @click.option("--repeats", type=click.IntRange(1, 99), help="Runs of each setting; the median counts.")
 @click.option("--points", type=click.IntRange(10, 1_000_000), default=2000, show_default=True, help="Common probes.")
+@click.option(
+    "--clock",
+    type=click.Choice(["wall", "cpu"]),
+    default="wall",
+    show_default=True,
+    help="What counts as seconds: wall time, or processor time, which other work on the machine hardly moves.",
+)
 @click.option("--picture/--no-picture", default=True, help="Compare previews by HDR-FLIP and SSIM.")
 @json_option
 @quiet_option
@@ -36,6 +45,7 @@ def command(
     size: int | None,
     repeats: int | None,
     points: int,
+    clock: str,
     picture: bool,
     as_json: bool,
     verbosity: int,
@@ -56,7 +66,7 @@ def command(
     extent = extent or "default"
     runs = repeats or {"quick": 1, "default": 2, "full": 5}[extent]
     sweep = plan_sweep(spec, _sweep_size(spec, size, extent), extent)
-    work = Measurements(config, overrides, sweep, folder, points, picture, verbosity)
+    work = Measurements(config, overrides, sweep, folder, points, picture, verbosity, clock)
     stopped = work.measure(runs)
     rows = work.rows()
     work.write(rows, final=True)
@@ -91,13 +101,14 @@ class Measurements:
         points: int,
         picture: bool,
         verbosity: int,
+        clock: str = "wall",
     ) -> None:
         from skinbake.io.config import load_look
         from skinbake.io.fingerprint import input_hashes
         from skinbake.io.tradeoff import read_runs
 
         self.sweep, self.folder, self.points, self.picture, self.verbosity = sweep, folder, points, picture, verbosity
-        self.config = config
+        self.config, self.clock = config, clock
         wanted = {setting.overrides for setting in sweep.settings} | {r.overrides for r in sweep.references}
         wanted |= {sweep.twice} - {()}
         self.specs = {own: load_look(config, (*overrides, *own)) for own in wanted}
@@ -220,7 +231,7 @@ class Measurements:
         except SkinbakeError as error:  # this look cannot be baked so, others can
             self.failed[key] = str(error)
             return f"{name}: left out, {error}"
-        run = {"key": key} | {k: found[k] for k in ("seconds", "stages", "peak_mib", "bytes")}
+        run = {"key": key} | {k: found[k] for k in ("seconds", "cpu_seconds", "stages", "peak_mib", "bytes")}
         if first:
             run["rms"], run["p95"], run["max"] = difference(found["values"], wanted["values"])
             if found.get("picture") is not None and wanted.get("picture") is not None:
@@ -252,7 +263,7 @@ class Measurements:
                     first["rms"],
                     first["p95"],
                     first["max"],
-                    float(np.median([run["seconds"] for run in runs])),
+                    float(np.median([run["cpu_seconds" if self.clock == "cpu" else "seconds"] for run in runs])),
                     first["peak_mib"],
                     first["bytes"],
                     first.get("flip", float("nan")),
@@ -274,7 +285,8 @@ class Measurements:
         size = self.specs[self.sweep.settings[0].overrides].texture.size
         note = (
             f"{Path(self.config).name} around {size[0]} x {size[1]} texels, {self.points} common probes, "
-            f"{processors()} cores, medians of {min(row.runs for row in rows)} or more runs in alternating order."
+            f"{processors()} cores, {CLOCKS[self.clock]}, medians of {min(row.runs for row in rows)} or more runs in "
+            "alternating order."
         )
         if self.sweep.twice and self._size_key in self.runs:
             size_run = self.runs[self._size_key][0]
@@ -289,7 +301,7 @@ class Measurements:
             from skinbake.io.tradeoff_plot import write_chart
 
             title = f"{name}, {size[0]} x {size[1]}, {processors()} cores"
-            write_chart(self.folder / "tradeoff.png", title, rows)
+            write_chart(self.folder / "tradeoff.png", title, rows, CLOCKS[self.clock])
 
 
 def _probed(reference: dict[str, Any]) -> Any:

@@ -26,7 +26,7 @@ STYLES = {
 }
 
 
-def write_chart(path: Path, title: str, rows: Sequence[Row]) -> None:
+def write_chart(path: Path, title: str, rows: Sequence[Row], clock: str) -> None:
     """Write the chart; the right panel shows what terms and models change, where they were measured."""
     import matplotlib
 
@@ -42,7 +42,7 @@ def write_chart(path: Path, title: str, rows: Sequence[Row]) -> None:
         squeeze=False,
         width_ratios=[3, 2] if physics else None,
     )
-    _front(axes[0, 0], bakes)
+    _front(axes[0, 0], bakes, clock)
     axes[0, 0].set_title(title)
     if physics:
         _bars(axes[0, 1], physics)
@@ -52,7 +52,7 @@ def write_chart(path: Path, title: str, rows: Sequence[Row]) -> None:
     pyplot.close(figure)
 
 
-def _front(axes: Any, rows: Sequence[Row]) -> None:
+def _front(axes: Any, rows: Sequence[Row], clock: str) -> None:
     for sweep in dict.fromkeys(row.sweep for row in rows):
         marker, colour = STYLES.get(sweep, ("o", "#777777"))
         mine = [row for row in rows if row.sweep == sweep]
@@ -74,7 +74,7 @@ def _front(axes: Any, rows: Sequence[Row]) -> None:
         )  # fmt: skip
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlabel("seconds of the whole bake, without preview")
+    axes.set_xlabel(f"seconds of the whole bake, without preview ({clock})")
     axes.set_ylabel("rms error of the diffuse light at common points")
     _plain_ticks(axes, rows)
     axes.legend(fontsize=8, loc="upper right", framealpha=0.9)
@@ -84,14 +84,22 @@ def _plain_ticks(axes: Any, rows: Sequence[Row]) -> None:
     """1, 2, 5 steps in plain numbers: powers of ten say little about a range of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    for axis, form in ((axes.xaxis, lambda x, _: f"{x:g}"), (axes.yaxis, lambda y, _: f"{100 * y:g} %")):
-        axis.set_major_locator(LogLocator(subs=(1, 2, 3, 4, 6, 8) if axis is axes.xaxis else (1, 2, 5)))
-        axis.set_major_formatter(FuncFormatter(form))
-        axis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 4, 6, 8)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    _percent(axes.yaxis)
     if rows:
         seconds, error = [row.seconds for row in rows], [row.rms for row in rows]
-        axes.set_xlim(min(seconds) / 1.35, max(seconds) * 1.9)
+        axes.set_xlim(min(seconds) / 2.2, max(seconds) * 1.9)
         axes.set_ylim(min(*error, LIMITS[-1]) / 1.5, max(error) * 1.6)
+
+
+def _percent(axis: Any) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{100 * x:g} %"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _label(axes: Any, front: Sequence[Row]) -> None:
@@ -114,6 +122,7 @@ def _bars(axes: Any, rows: Sequence[Row]) -> None:
     for place, row in zip(places, shown, strict=True):
         axes.annotate(f" {row.rms:.1%}", (row.rms, place), va="center", fontsize=8)
     axes.set_xscale("log")
-    axes.set_xlim(right=2.2 * max(row.rms for row in shown))
+    axes.set_xlim(min(row.rms for row in shown) / 2, 2.2 * max(row.rms for row in shown))
+    _percent(axes.xaxis)
     axes.set_xlabel("rms against the term (light) or transport (dark)")
     axes.set_title("What is modelled")
