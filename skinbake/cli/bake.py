@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import click
 
@@ -15,15 +16,28 @@ from skinbake.cli.options import config_argument, force_option, json_option, out
 @set_option
 @force_option
 @click.option("--preview/--no-preview", default=True, help="Render preview.png at the end.")
+@click.option("--cache", type=click.Path(file_okay=False), help="Folder shared with other looks [$SKINBAKE_CACHE].")
 @json_option
 @quiet_option
 def command(
-    config: str, out: str | None, overrides: tuple[str, ...], force: bool, preview: bool, as_json: bool, verbosity: int
+    config: str,
+    out: str | None,
+    overrides: tuple[str, ...],
+    force: bool,
+    preview: bool,
+    cache: str | None,
+    as_json: bool,
+    verbosity: int,
 ) -> None:
     """Bake CONFIG: profile, irradiance, diffusion, measured error, preview."""
     from skinbake.cli.baking import bake_look
+    from skinbake.cli.workshop import Workshop
+    from skinbake.io.cache import DEFAULT_LIMIT_BYTES, FOLDER
     from skinbake.io.config import load_look
 
-    manifest = bake_look(load_look(config, overrides, out), force=force, preview=preview, verbosity=verbosity)
+    look = load_look(config, overrides, out)
+    folder = cache or os.environ.get(FOLDER)
+    workshop = Workshop.of(folder, DEFAULT_LIMIT_BYTES, lambda event: None)
+    manifest = bake_look(look, force, preview, verbosity, workshop)
     if as_json:
         print(json.dumps(manifest, indent=1, default=str))

@@ -277,6 +277,24 @@ def test_the_cache_can_live_elsewhere_and_be_bounded(here, folder, monkeypatch):
     assert len(list((folder / "shared").rglob("*.npz"))) == len(entries)
 
 
+def test_a_single_bake_can_use_the_cache_too(here, folder, monkeypatch, capsys):
+    """Folder by option or by environment: another look of the head finds its lights traced."""
+    look = ["bake", str(folder / "alone.yaml"), "--no-preview", "--out"]
+    defaults = BATCH.partition("matrix:")[0].replace("defaults:\n", "").replace("\n  ", "\n").removeprefix("  ")
+    (folder / "alone.yaml").write_text(defaults + "skin: {preset: jensen-skin1, fit: {gaussians: 2}}\n")
+    assert run([*look, str(folder / "a"), "--cache", str(folder / "shared")]) == 0
+    entries = sorted((folder / "shared").rglob("*.npz"))
+    assert entries
+    monkeypatch.setenv("SKINBAKE_CACHE", str(folder / "shared"))
+    assert run([*look, str(folder / "b")]) == 0
+    assert sorted((folder / "shared").rglob("*.npz")) == entries
+    for name in ("irradiance.exr", "lobe_0.exr"):
+        assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes()
+    monkeypatch.delenv("SKINBAKE_CACHE")
+    assert run([*look, str(folder / "c")]) == 0
+    assert not list((folder / "c").glob(".*"))
+
+
 def test_info_lists_a_batch(here, folder, capsys):
     """Its looks and how they fared."""
     batch(folder, "--only", "thin-*")
