@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
@@ -21,6 +22,8 @@ from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
+
+_BLOCK = 65536  # texels
 
 
 def diffuse(
@@ -216,12 +219,19 @@ def _total(diffuser: Diffuser, values: Tiles, level: int) -> tuple[float, float,
 
 
 def _area_sum(rgb: NDArray[np.float32], flat: NDArray[np.int32], area: NDArray[np.float32]) -> Float:
-    total = np.zeros(3)
-    inside = np.flatnonzero(area)
-    weight, where = area[inside].astype(np.float64), flat[inside]
-    for light in rgb:
-        total += weight @ light.reshape(-1, 3)[where]
-    return total
+    """Sum over lights and texels of radiosity times area, (3,); in blocks, so that threads cannot change it."""
+    blocks = np.zeros((-(-len(flat) // _BLOCK), 3))
+    _area_sums(rgb.reshape(len(rgb), -1, 3), flat, area, blocks)
+    return blocks.sum(axis=0)
+
+
+@njit(cache=True, parallel=True)
+def _area_sums(rgb, flat, area, blocks):  # type: ignore[no-untyped-def]
+    for block in prange(len(blocks)):
+        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(flat))):
+            for light in range(len(rgb)):
+                for c in range(3):
+                    blocks[block, c] += np.float64(area[i]) * rgb[light, flat[i], c]
 
 
 def _advice(spec: DiffusionSpec, error: MeasuredError) -> str:

@@ -147,17 +147,33 @@ def _without_counted(weights: SlabWeights, diffused: DiffuseMap, gaussians: Gaus
 
 def _weights_at(weights: SlabWeights, thickness_mm: Float, opposed: Float) -> Image:
     """Weights of the lobes for each ray, (n, N, 3); linear in the logarithm of the thickness, dark beyond the table."""
-    k = np.log(np.maximum(thickness_mm, 1e-6) / weights.thickness_mm[0])
-    k = k / np.log(weights.thickness_mm[1] / weights.thickness_mm[0])
-    last = len(weights.thickness_mm) - 1
-    inside = (k < last) & (opposed > 0)
-    k = np.clip(np.where(inside, k, 0), 0, last - 1e-6)
-    low = k.astype(np.int64)
-    t = (k - low)[:, None, None]
     table = weights.weight_rgb
-    found = (table[low] * (1 - t) + table[low + 1] * t) * (opposed * inside)[:, None, None]
-    found[np.abs(found).sum(axis=1).max(axis=1) < DARK] = 0
-    return found.astype(np.float32)
+    step = float(np.log(weights.thickness_mm[1] / weights.thickness_mm[0]))
+    out = np.zeros((len(thickness_mm), *table.shape[1:]), np.float32)
+    _read_table(table, float(weights.thickness_mm[0]), step, thickness_mm, opposed, out)
+    return out
+
+
+@njit(cache=True, parallel=True)
+def _read_table(table, thinnest_mm, step, thickness_mm, opposed, out):  # type: ignore[no-untyped-def]
+    last = len(table) - 1
+    for ray in prange(len(thickness_mm)):
+        k = np.log(max(thickness_mm[ray], 1e-6) / thinnest_mm) / step
+        if not (k < last and opposed[ray] > 0):
+            continue
+        k = max(k, 0.0)
+        low = min(int(k), last - 1)
+        t = k - low
+        most = 0.0
+        for c in range(3):
+            total = 0.0
+            for i in range(table.shape[1]):
+                weight = (table[low, i, c] * (1 - t) + table[low + 1, i, c] * t) * opposed[ray]
+                out[ray, i, c] = weight
+                total += abs(weight)
+            most = max(most, total)
+        if most < DARK:
+            out[ray] = 0
 
 
 def _gather(
