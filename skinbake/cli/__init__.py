@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 import skinbake
+from skinbake.cli.compiled import use_fresh_cache
 from skinbake.errors import SkinbakeError
 
 VERBS = {
@@ -59,6 +60,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Run a verb and give its exit code."""
+    use_fresh_cache()
     try:
         result: Any = group.main(arguments, prog_name="skinbake", standalone_mode=False)
         return result if isinstance(result, int) else 0
