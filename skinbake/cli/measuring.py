@@ -12,6 +12,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -121,14 +122,12 @@ def _serve(connection: Connection) -> None:
 
 def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str, Any]:
     """Bake once in a temporary folder: seconds by stage, peak memory, bytes, the light at the probes, a picture."""
-    from skinbake.cli.stages import peak_memory_mib
-
     _warm(spec)
     with TemporaryDirectory(prefix="skinbake-") as folder:
         cpu = time.process_time()
         manifest = _bake(spec, Path(folder))
         cpu = time.process_time() - cpu
-        peak = peak_memory_mib()
+        peak = own_peak_mib()
         found: dict[str, Any] = {
             "seconds": manifest["timings"]["total"],
             "cpu_seconds": cpu,
@@ -286,6 +285,17 @@ def _picture(folder: Path) -> NDArray[np.float32] | None:
     return (frame.over(tuple(np.asarray(look.background_rgb) / 2.0**look.exposure)) * 2.0**look.exposure).astype(
         np.float32
     )
+
+
+def own_peak_mib() -> float:
+    """Largest resident size of this process; where Linux tells, without what its parent had when it was started."""
+    from skinbake.cli.stages import peak_memory_mib
+
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    return peak_memory_mib()
 
 
 def processors() -> int:

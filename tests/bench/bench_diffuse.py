@@ -228,6 +228,16 @@ def seams(mesh, atlas, source, count: int = 10_000) -> dict:
     return out
 
 
+def run(quick: bool) -> list[dict]:
+    """The blurs beside other libraries', and the methods on the scan where it lies, for the runner."""
+    size = 512 if quick else 2048
+    flat = flat_blurs(size)
+    rows = [{"name": f"six blurs of {size}^2"} | {k: v for k, v in flat.items() if not isinstance(v, list)}]
+    for name, row in on_the_scan(size, 500 if quick else 2000).get("methods", {}).items():
+        rows.append({"name": f"scan: {name}"} | {k: v for k, v in row.items() if isinstance(v, float)})
+    return rows
+
+
 def main() -> None:
     """Print, and write JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__)

@@ -42,8 +42,8 @@ def best(call, times: int = 3) -> float:
     return min(found)
 
 
-def main(path: str = str(HEAD), mm_per_unit: str = "1", size: str = "2048") -> int:
-    """Print the table."""
+def measure(path: str, mm_per_unit: str, size: str) -> list[dict]:
+    """A row a stage, then rays a second."""
     mesh = read_mesh(path, float(mm_per_unit))
     shape = (int(size), int(size))
     maps = SkinMaps()
@@ -77,13 +77,29 @@ def main(path: str = str(HEAD), mm_per_unit: str = "1", size: str = "2048") -> i
     bare = best(lambda: occluder._scene.run(origin, direction, reach, query="OCCLUDED"))
     ours = best(lambda: occluder.occluded(origin, direction, reach))
     texels = int(size) ** 2
-    for name, seconds in rows:
-        print(f"{name:<28}{seconds:8.3f} s {texels / seconds / 1e6:9.1f} Mtexel/s")
-    print(f"{'rays of the three lights':<28}{rays / 1e6:8.2f} M, {rays / 3 / texels:.3f} a texel and light")
-    print(f"{'bare embree, 1 thread':<28}{len(origin) / bare / 1e6:8.2f} Mray/s")
-    threads = f"occluder, {numba.get_num_threads()} threads"
-    print(f"{threads:<28}{len(origin) / ours / 1e6:8.2f} Mray/s, ratio {bare / ours:.2f}")
-    print(f"{'peak memory':<28}{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:8.0f} MiB")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    threads = numba.get_num_threads()
+    return [{"name": name, "seconds": seconds, "mtexels_per_s": texels / seconds / 1e6} for name, seconds in rows] + [
+        {"name": "rays of the three lights", "mrays": rays / 1e6, "rays_a_texel_and_light": rays / 3 / texels},
+        {"name": "bare embree, 1 thread", "mrays_per_s": len(origin) / bare / 1e6, "peak_mib": peak},
+        {
+            "name": f"occluder, {threads} threads",
+            "mrays_per_s": len(origin) / ours / 1e6,
+            "bare_over_ours": bare / ours,
+        },
+    ]
+
+
+def run(quick: bool) -> list[dict]:
+    """The sample head, for the runner."""
+    return measure(str(HEAD), "1", "512" if quick else "2048")
+
+
+def main(path: str = str(HEAD), mm_per_unit: str = "1", size: str = "2048") -> int:
+    """Print the table."""
+    for row in measure(path, mm_per_unit, size):
+        numbers = "  ".join(f"{key.replace('_', ' ')} {value:.4g}" for key, value in row.items() if key != "name")
+        print(f"{row['name']:<28}{numbers}")
     return 0
 
 
