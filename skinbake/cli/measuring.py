@@ -117,7 +117,10 @@ def _serve(connection: Connection) -> None:
             result = MachineError("out of memory")
         except Exception as error:
             result = MachineError(f"{type(error).__name__}: {error}")
-        connection.send(result)
+        try:
+            connection.send(result)
+        except OSError:  # nobody waits for it any more
+            return
 
 
 def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str, Any]:
