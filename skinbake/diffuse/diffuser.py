@@ -30,7 +30,7 @@ from skinbake.diffuse.texture import (
     texture_blur,
     texture_pyramids,
 )
-from skinbake.diffuse.upsample import MAX_GAP, interpolate_smooth
+from skinbake.diffuse.upsample import interpolate_smooth, widest_gap
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
@@ -226,7 +226,8 @@ class Diffuser:
         sigma = float(np.sqrt(variance_mm2))
         height, width = level_size(self.size, level)
         next_texel = np.sqrt(self.surface.mean_texel_mm2) * 2 ** (level + 1)
-        halve = self.spec.normalise and height % 2 == 0 and width % 2 == 0 and 0.8 * next_texel < MAX_GAP * sigma
+        gap = widest_gap(self.spec.tolerance)
+        halve = self.spec.normalise and height % 2 == 0 and width % 2 == 0 and 0.8 * next_texel < gap * sigma
         coarse = self._surface_flat(variance_mm2, level + 1, spacing) if halve else None
         tiles = []
         for k, points in enumerate(self.targets(level)):
@@ -235,7 +236,9 @@ class Diffuser:
                 flat[:] = self.surface.tiles[k][1]
             if coarse is not None:
                 half = self.targets(level + 1)[k]
-                left = interpolate_smooth(coarse[k], half.row, half.position, points.row, points.position, sigma, flat)
+                left = interpolate_smooth(
+                    coarse[k], half.row, half.position, points.row, points.position, sigma, flat, gap
+                )
                 points = replace(points, row=left)
             evaluate(sources, points, self.spec.separate, self.spec.normalise, flat)
             tiles.append(flat)

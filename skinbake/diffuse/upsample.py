@@ -13,11 +13,17 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-MAX_GAP = 1.1  # of sigma, between the texels interpolated
+MAX_GAP = 1.1  # of sigma, between the texels interpolated, however loose the tolerance
+EDGE_ERROR = 0.0094  # see above
 MAX_MISS = 0.06  # of sigma, between the interpolated position and the true one
 
 # Lagrange's cubic at a quarter of the way: the fine texel's centre between the coarse ones
 _WEIGHTS = np.array([-7, 105, 35, -5], np.float32) / np.float32(128)
+
+
+def widest_gap(tolerance: float) -> float:
+    """Distance, in sigma, of the texels interpolated that keeps a hard edge within `tolerance` of its height."""
+    return min(MAX_GAP, float((tolerance / EDGE_ERROR) ** 0.25))
 
 
 def interpolate_smooth(
@@ -28,6 +34,7 @@ def interpolate_smooth(
     position: NDArray[np.float32],
     sigma_mm: float,
     out: NDArray[np.float32],
+    gap: float = MAX_GAP,
 ) -> NDArray[np.int32]:
     """Fill what can be interpolated; the rest is returned for direct evaluation.
 
@@ -42,6 +49,8 @@ def interpolate_smooth(
         Of the lobe: how fast the field may change.
     out : ndarray of shape (4 h w, C), float32
         Written where safe.
+    gap : float
+        Greatest distance, in sigma, of the texels interpolated.
 
     Returns
     -------
@@ -51,7 +60,7 @@ def interpolate_smooth(
     if row.shape != (2 * coarse_row.shape[0], 2 * coarse_row.shape[1]):
         raise ValueError(f"expected twice the shape {coarse_row.shape}, got {row.shape}")
     left = row.copy()
-    limits = np.float32((MAX_GAP * sigma_mm) ** 2), np.float32((MAX_MISS * sigma_mm) ** 2)
+    limits = np.float32((gap * sigma_mm) ** 2), np.float32((MAX_MISS * sigma_mm) ** 2)
     _interpolate(coarse, coarse_row, coarse_position, row, position, *limits, _WEIGHTS, out, left)
     return left
 

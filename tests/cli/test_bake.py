@@ -95,14 +95,18 @@ def test_a_flat_quad_gets_the_cosine(scene, degrees):
 
 
 def test_half_a_shadow_becomes_the_error_function(scene, tmp_path):
-    """A straight edge of light blurred with sigma = 1 mm is an erf, within 1e-3 away from borders."""
-    look = scene(quad(100, 100), size=500)
-    edge = np.zeros((500, 500, 3), np.float32)
-    edge[:, 250:] = 1
+    """A straight edge of light blurred with sigma = 1 mm is an erf: to 1e-3 across the texture, to 2e-3 in space.
+
+    Eight texels a millimetre: the discrete Gaussian's own kurtosis, 1/t, is worth 1.3e-3 at five.
+    """
+    look = scene(quad(100, 100), size=800)
+    edge = np.zeros((800, 800, 3), np.float32)
+    edge[:, 400:] = 1
     write_parts(tmp_path / "edge.exr", [Part("", rgb_channels(edge))], precision="float")
     skin = "skin={model: gaussians, variance_mm2: [1.0], weight_rgb: [[1, 1, 1]]}"
-    for method in ("texture", "surface"):
-        options = ["--set", skin, "--set", f"diffusion.method={method}", "--set", "output.precision=float"]
+    for method, limit in (("texture", 1e-3), ("surface", 2e-3)):
+        chosen = [skin, f"diffusion.method={method}", "diffusion.tolerance=0.0005", "output.precision=float"]
+        options = [word for key in chosen for word in ("--set", key)]
         assert run(["diffuse", str(look), str(tmp_path / "edge.exr"), *options, "--quiet"]) == 0
         lobe = read_parts(look.parent / "out" / "lobe_0.exr")["irradiance"].rgb
         n = lobe.shape[1]
@@ -110,7 +114,7 @@ def test_half_a_shadow_becomes_the_error_function(scene, tmp_path):
         want = (1 + erf(x_mm / np.sqrt(2))) / 2
         inside = slice(n // 10, -n // 10)
         got = lobe[inside, inside]
-        np.testing.assert_allclose(got, np.broadcast_to(want[inside, None], got.shape), atol=1e-3, err_msg=method)
+        np.testing.assert_allclose(got, np.broadcast_to(want[inside, None], got.shape), atol=limit, err_msg=method)
 
 
 def test_bytes_do_not_depend_on_the_run_or_the_threads(scene):
