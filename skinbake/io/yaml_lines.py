@@ -58,7 +58,7 @@ def parse_yaml(text: str, name: str) -> Located:
         if node is None:
             raise ConfigError([f"{name}:1: expected a mapping, got an empty file"])
         if not isinstance(node, yaml.MappingNode):
-            raise ConfigError([f"{name}:{node.start_mark.line + 1}: expected a mapping, got {node.id}"])
+            raise ConfigError([f"{name}:{node.start_mark.line + 1}: expected a mapping, got {_kind(node)}"])
         places: dict[Key, str] = {}
         faults = list(_walk(node, (), name, places, set()))
         if faults:
@@ -89,7 +89,7 @@ def _walk(node: yaml.Node, at: Key, name: str, places: dict[Key, str], parents: 
             if key_node.tag == "tag:yaml.org,2002:merge":
                 continue
             if not isinstance(key_node, yaml.ScalarNode):
-                yield f"{place}: expected a plain key, got {key_node.id}"
+                yield f"{place}: expected a plain key, got {_kind(key_node)}"
                 continue
             if key_node.value in seen:
                 yield f"{place}: {dotted((*at, key_node.value))}: key stands twice"
@@ -99,6 +99,10 @@ def _walk(node: yaml.Node, at: Key, name: str, places: dict[Key, str], parents: 
     elif isinstance(node, yaml.SequenceNode):
         for i, child in enumerate(node.value):
             yield from _walk(child, (*at, i), name, places, parents)
+
+
+def _kind(node: yaml.Node) -> str:
+    return type(node).__name__.removesuffix("Node").lower()
 
 
 def dotted(key: Key) -> str:
