@@ -64,6 +64,7 @@ def run(quick: bool = False) -> list[dict]:
                 check=False,
             )
             seconds, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+            assert done.returncode in (0, 1), f"{name}: exit code {done.returncode}: {done.stderr}"
             report = json.loads(done.stdout)
             ran = [job for job in report["jobs"] if job["selected"]]
             assert {job["status"] for job in ran} <= {"done", "fresh", "missed"}, done.stderr
