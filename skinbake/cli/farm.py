@@ -102,9 +102,12 @@ def _client(address: str, workers: int) -> Iterator[Any]:
     with contextlib.ExitStack() as stack:
         if address == LOCAL:
             stack.enter_context(fewer_threads(workers))
-            cluster = distributed.LocalCluster(
-                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
-            )
+            try:
+                cluster = distributed.LocalCluster(
+                    n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
+                )
+            except (OSError, TimeoutError, RuntimeError) as error:
+                raise MachineError(f"--dask local: its {workers} processes did not start: {error}; use -j") from error
             address = stack.enter_context(cluster).scheduler_address
         try:
             client = distributed.Client(address, timeout=CONNECT_S)
