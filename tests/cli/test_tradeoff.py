@@ -156,7 +156,7 @@ def test_measures_continues_and_advises(look, tmp_path, monkeypatch, capsys):
     assert run(command) == 0
     said = capsys.readouterr()
     assert "reference finest" in said.err
-    assert "left" in said.err
+    assert "[100 %]" in said.err
     assert "within 5.0%:" in said.out
     with open(tmp_path / "t" / "tradeoff.csv", newline="") as file:
         rows = {r["setting"]: r for r in csv.DictReader(file)}
