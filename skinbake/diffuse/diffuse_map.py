@@ -7,6 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.scene.plan_line import PlanLine
+
+__all__ = ["DiffuseMap", "Lobe", "MeasuredError", "PlanLine"]
+
 
 @dataclass(frozen=True)
 class Lobe:
@@ -45,15 +49,6 @@ class MeasuredError:
     probes: int
     method: float
     storage: float
-
-
-@dataclass(frozen=True)
-class PlanLine:
-    """One decision: what was kept or left out, and the number that decided it."""
-
-    term: str
-    kept: bool
-    why: str
 
 
 @dataclass(frozen=True)

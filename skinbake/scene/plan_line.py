@@ -1,0 +1,14 @@
+"""PlanLine: one decision of the plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PlanLine:
+    """One decision: what was kept or left out, and the number that decided it."""
+
+    term: str
+    kept: bool
+    why: str
