@@ -12,20 +12,21 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.atlas import face_mm_per_texel, interpolate, rasterize, tile_origin
+from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin
 from skinbake.atlas.rasterize import tiles_of
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, PlanLine
 from skinbake.diffuse.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.surface import texel_surface
+from skinbake.irradiance.shadow_origin import facet_point
+from skinbake.irradiance.smooth_surface import descend
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
-from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import SpecularSpec
 
 Image = NDArray[np.float32]
+Index = NDArray[np.int64]
 TEXEL_MM = 0.4  # transmitted light is smooth: no finer texels than these are computed or stored
+SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
 SEEN_SHARE = 0.001  # of the skin: `auto` looks at the brightest part of that size
 WORTH = 5.0  # tolerances of the mean radiance that part must reach
 
@@ -71,28 +72,58 @@ def transmit(
     small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
     atlas = rasterize(mesh, small, max(2, gutter // coarse), udim)
     occluder = Occluder(mesh)
-    rgb, totals, areas = {}, [], []
+    rgb, through, reflected = {}, [], []
     for raster in atlas:
-        surface = texel_surface(raster, mesh, SkinMaps(), SpecularSpec(), occluder)
         rows, cols = np.nonzero(raster.addressed)
-        normal = surface.smooth_normal[rows, cols]
-        face, uv, thickness, opposed = far_side(occluder, mesh, surface.point[rows, cols], normal)
+        point, normal = _skin(raster, mesh, occluder, rows, cols)
+        near = np.flatnonzero(occluder.occluded(*_inwards(occluder, point, normal), _reach(weights, len(rows))))
+        face, uv, thickness, opposed = far_side(occluder, mesh, point[near], normal[near])
         across = _gather(diffused, mesh, udim, face, uv, _weights_at(weights, thickness, opposed))
+        rows, cols = rows[near], cols[near]
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
         image[:, rows, cols] = np.maximum(across, 0)
         rgb[raster.tile] = image
-
-        here = interpolate(raster, mesh.corner_uv)[rows, cols].astype(np.float64)
-        own = np.broadcast_to(gaussians.weight_rgb.astype(np.float32), (len(rows), *gaussians.weight_rgb.shape))
-        reflected = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), here, own)
-        totals.append(np.stack([image[:, rows, cols].sum(axis=(0, 2)), reflected.sum(axis=(0, 2))]))
-        areas.append(raster.area_mm2[rows, cols])
-    rms, peak = _contribution(np.concatenate(totals, axis=1), np.concatenate(areas))
+        through.append((image[:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
+        reflected.append(_reflected(diffused, mesh, udim, gaussians, raster))
+    rms, peak = _contribution(*_joined(through), *_joined(reflected), sum(float(r.area_mm2.sum()) for r in atlas))
     kept = switch == "on" or peak > WORTH * tolerance
     limit = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
     why = f"{switch}: through thin parts {limit}, worth it from {WORTH * tolerance:.1%}"
     lobe = Lobe(float(gaussians.variance_mm2[-1]), (1.0, 1.0, 1.0), "transmission", rgb) if kept else None
     return lobe, PlanLine("transmission", kept, why)
+
+
+def _skin(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index) -> tuple[Image, Image]:
+    """Points of texels on the surface that rays meet, about the occluder's centre, and unit normals; shapes (n, 3)."""
+    fine = occluder.surface
+    corners = fine.positions_mm[fine.faces] - occluder.centre_mm
+    point, normal = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
+    _place(raster.face_index, raster.barycentric, rows, cols, fine.levels, corners, mesh.corner_normal, point, normal)
+    return point, normal
+
+
+@njit(cache=True, parallel=True)
+def _place(face_index, barycentric, rows, cols, levels, corners, normals, point, normal):  # type: ignore[no-untyped-def]
+    for k in prange(len(rows)):
+        face, b = face_index[rows[k], cols[k]], barycentric[rows[k], cols[k]]
+        x, y, z = facet_point(normals, face, np.float64(b[0]), np.float64(b[1]))
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
+        normal[k, 0], normal[k, 1], normal[k, 2] = x / length, y / length, z / length
+        f, b1, b2 = descend(face, np.float64(b[0]), np.float64(b[1]), levels)
+        point[k, 0], point[k, 1], point[k, 2] = facet_point(corners, f, b1, b2)
+
+
+def _inwards(occluder: Occluder, point: Image, normal: Image) -> tuple[Image, Image]:
+    """Rays into the flesh: in by a hundredth of a millimetre and the coordinates' own spacing, off the own facet."""
+    inward = np.ascontiguousarray(-normal)
+    return point + inward * np.float32(0.01 + 32 * occluder.spacing_mm), inward
+
+
+def _reach(weights: SlabWeights, rays: int) -> Image:
+    """Thickness beyond which all is dark, for each ray."""
+    lit = np.flatnonzero(np.abs(weights.weight_rgb).sum(axis=1).max(axis=1) >= DARK)
+    last = min(int(lit.max(initial=-1)) + 1, len(weights.thickness_mm) - 1)
+    return np.full(rays, weights.thickness_mm[last], np.float32)
 
 
 def far_side(
@@ -109,9 +140,7 @@ def far_side(
     opposed : ndarray of shape (n,)
         Cosine between the way and the outward normal there: 1 through a slab, 0 where it only grazes.
     """
-    inward = np.ascontiguousarray(-normal)
-    # In by a hundredth of a millimetre and the coordinates' own spacing, so that the own facet is not met
-    start = point + inward * np.float32(0.01 + 32 * occluder.spacing_mm)
+    start, inward = _inwards(occluder, point, normal)
     child, in_1, in_2, distance = occluder.first_hit(start, inward)
     levels = occluder.surface.levels
     face, b1, b2 = _ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
@@ -208,16 +237,34 @@ def _add_bilinear(image: Image, uv: Float, pick: NDArray[np.int64], weight: Imag
                 out[light, pick[n], c] += weight[pick[n], c] * (top * (1.0 - fy) + bottom * fy)
 
 
-def _contribution(totals: Float, area: Image) -> tuple[float, float]:
+def _reflected(
+    diffused: DiffuseMap, mesh: SkinMesh, udim: bool, gaussians: GaussianSum, raster: AtlasRaster
+) -> tuple[Image, Image]:
+    """Light reflected at a sample of texels, all lights and channels, and the areas they stand for."""
+    step = max(1, min(raster.shape) // SAMPLED)
+    rows, cols = (step * index for index in np.nonzero(raster.covered[::step, ::step]))
+    uv = interpolate(raster, mesh.corner_uv)[rows, cols].astype(np.float64)
+    weight = np.broadcast_to(gaussians.weight_rgb.astype(np.float32), (len(rows), *gaussians.weight_rgb.shape))
+    light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, weight)
+    return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
+
+
+def _joined(tiles: list[tuple[Image, Image]]) -> tuple[Float, Float]:
+    light, area = (np.concatenate(part).astype(np.float64) for part in zip(*tiles, strict=True))
+    return light, area
+
+
+def _contribution(
+    through: Float, through_mm2: Float, reflected: Float, sample_mm2: Float, skin_mm2: float
+) -> tuple[float, float]:
     """Rms of the transmitted over the reflected light, and its value in the brightest part over the mean reflected."""
-    weight = area.astype(np.float64)
-    if weight.sum() == 0:
+    if sample_mm2.sum() == 0:
         return 0.0, 0.0
-    through, reflected = totals.astype(np.float64)
-    mean = (weight * reflected).sum() / weight.sum()
+    mean = (sample_mm2 * reflected).sum() / sample_mm2.sum()
     if mean <= 0:
         return 0.0, 0.0
-    rms = np.sqrt((weight * through**2).sum() / max((weight * reflected**2).sum(), 1e-300))
+    mean_square = (sample_mm2 * reflected**2).sum() / sample_mm2.sum()
+    rms = np.sqrt((through_mm2 * through**2).sum() / skin_mm2 / max(mean_square, 1e-300))
     order = np.argsort(-through)
-    reached = np.searchsorted(np.cumsum(weight[order]), SEEN_SHARE * weight.sum())
-    return float(rms), float(through[order[min(reached, len(order) - 1)]] / mean)
+    reached = np.searchsorted(np.cumsum(through_mm2[order]), SEEN_SHARE * skin_mm2)
+    return float(rms), float(through[order[reached]] / mean) if reached < len(order) else 0.0
