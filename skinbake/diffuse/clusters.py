@@ -8,7 +8,7 @@ adapts to the local stretch by itself, and costs one pass over the texels.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from numba import njit, prange
@@ -35,25 +35,6 @@ class MomentPyramid:
 
     moments: tuple[NDArray[np.float32], ...]
     radiosity: tuple[NDArray[np.float32], ...]
-
-
-@dataclass(frozen=True)
-class Clusters:
-    """Cut of the pyramids of all tiles, in raster order of each level, widest level first.
-
-    Attributes
-    ----------
-    position, normal : ndarray of shape (S, 3), float32
-    area_mm2, spread_mm2 : ndarray of shape (S,), float32
-        `spread_mm2` is 0 for a single texel.
-    radiosity : ndarray of shape (S, C), float32
-    """
-
-    position: NDArray[np.float32]
-    normal: NDArray[np.float32]
-    area_mm2: NDArray[np.float32]
-    spread_mm2: NDArray[np.float32]
-    radiosity: NDArray[np.float32]
 
 
 def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], levels: int) -> MomentPyramid:
@@ -85,42 +66,41 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], levels: 
 
 def cut_clusters(
     tiles: tuple[tuple[TexelPoints, NDArray[np.float32], MomentPyramid], ...], max_spread_mm2: float
-) -> Clusters:
-    """The widest blocks whose spread is at most `max_spread_mm2` and whose normals agree; single texels elsewhere."""
-    parts: list[tuple[NDArray[np.float32], ...]] = []
+) -> NDArray[np.float32]:
+    """The widest blocks whose spread is at most `max_spread_mm2` and whose normals agree; single texels elsewhere.
+
+    Returns
+    -------
+    ndarray of shape (S, 8 + C), float32
+        Position (3), unit normal (3), spread_mm2 (0 for a single texel), area_mm2, radiosity (C); in raster order of
+        each level, widest level first.
+    """
+    # Where to cut first, then how many there are, then all of them into arrays of the right length
     channels = tiles[0][1].shape[1]
-    for points, radiosity, pyramid in tiles:
+    cuts, count = [], 0
+    for points, _, pyramid in tiles:
         taken: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
-        for moments, mean in zip(reversed(pyramid.moments), reversed(pyramid.radiosity), strict=True):
-            now = np.zeros(moments.shape[:2], np.uint8)
-            per_row = np.zeros(len(moments), np.int64)
+        for level in reversed(range(len(pyramid.moments))):
+            moments = pyramid.moments[level]
+            now, per_row = np.zeros(moments.shape[:2], np.uint8), np.zeros(len(moments), np.int64)
             _mark(moments, taken, max_spread_mm2, MIN_ALIGNMENT, now, per_row)
-            start = np.concatenate([[0], np.cumsum(per_row)])
-            out = np.empty((start[-1], _MOMENTS), np.float32), np.empty((start[-1], channels), np.float32)
-            _emit(moments, mean, now, start, *out)
-            parts.append(out)
+            start = count + np.cumsum(per_row) - per_row
+            cuts.append((level, now, start))
+            count += int(per_row.sum())
             taken = now
-        parts.append(_single_texels(points, radiosity, taken))
-    block, radiosity_out = (np.concatenate([p[i] for p in parts]) for i in range(2))
-    normal = block[:, 5:8]
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.float32(1e-12))
-    return Clusters(
-        np.ascontiguousarray(block[:, 1:4]), np.ascontiguousarray(normal), block[:, 0].copy(), block[:, 4].copy(),
-        radiosity_out,
-    )  # fmt: skip
-
-
-def _single_texels(
-    points: TexelPoints, radiosity: NDArray[np.float32], taken: NDArray[np.uint8]
-) -> tuple[NDArray[np.float32], ...]:
-    width = points.row.shape[1]
-    keep = points.area_mm2 > 0
-    if taken.shape != (1, 1) or taken[0, 0]:
-        keep &= taken[points.flat_index // width // 2, points.flat_index % width // 2] == 0
-    index = np.flatnonzero(keep)
-    block = np.zeros((len(index), _MOMENTS), np.float32)
-    block[:, 0], block[:, 1:4], block[:, 5:8] = points.area_mm2[index], points.position[index], points.normal[index]
-    return block, radiosity[points.flat_index[index]]
+        per_row = np.zeros(len(points.row), np.int64)
+        _count_single(points.row, points.area_mm2, taken, per_row)
+        cuts.append((-1, taken, count + np.cumsum(per_row) - per_row))
+        count += int(per_row.sum())
+    out = np.empty((count, 8 + channels), np.float32)
+    cut = iter(cuts)
+    for points, light, pyramid in tiles:
+        for level, now, start in islice(cut, len(pyramid.moments) + 1):
+            if level >= 0:
+                _emit(pyramid.moments[level], pyramid.radiosity[level], now, start, out)
+            else:
+                _emit_single(points.row, points.position, points.normal, points.area_mm2, light, now, start, out)
+    return out
 
 
 def contrast(points: TexelPoints, radiosity: NDArray[np.float32], pyramid: MomentPyramid) -> NDArray[np.float32]:
@@ -231,11 +211,46 @@ def _mark(moments, parent, max_spread, min_alignment, now, per_row):  # type: ig
 
 
 @njit(cache=True, parallel=True)
-def _emit(moments, mean, now, start, to_moments, to_mean):  # type: ignore[no-untyped-def]
+def _emit(moments, mean, now, start, out):  # type: ignore[no-untyped-def]
     for i in prange(moments.shape[0]):
         k = start[i]
         for j in range(moments.shape[1]):
             if now[i, j] == 1:
-                to_moments[k] = moments[i, j]
-                to_mean[k] = mean[i, j]
+                m = moments[i, j]
+                length = max(np.sqrt(m[5] * m[5] + m[6] * m[6] + m[7] * m[7]), np.float32(1e-12))
+                for axis in range(3):
+                    out[k, axis], out[k, 3 + axis] = m[1 + axis], m[5 + axis] / length
+                out[k, 6], out[k, 7] = m[4], m[0]
+                for q in range(mean.shape[2]):
+                    out[k, 8 + q] = mean[i, j, q]
                 k += 1
+
+
+@njit(cache=True, inline="always")
+def _is_single(row_of, area, taken, r, c):  # type: ignore[no-untyped-def]
+    k = row_of[r, c]
+    return k >= 0 and area[k] > 0 and taken[min(r // 2, taken.shape[0] - 1), min(c // 2, taken.shape[1] - 1)] == 0
+
+
+@njit(cache=True, parallel=True)
+def _count_single(row_of, area, taken, per_row):  # type: ignore[no-untyped-def]
+    for r in prange(row_of.shape[0]):
+        for c in range(row_of.shape[1]):
+            if _is_single(row_of, area, taken, r, c):
+                per_row[r] += 1
+
+
+@njit(cache=True, parallel=True)
+def _emit_single(row_of, position, normal, area, light, taken, start, out):  # type: ignore[no-untyped-def]
+    width = row_of.shape[1]
+    for r in prange(row_of.shape[0]):
+        n = start[r]
+        for c in range(width):
+            if _is_single(row_of, area, taken, r, c):
+                k = row_of[r, c]
+                for axis in range(3):
+                    out[n, axis], out[n, 3 + axis] = position[k, axis], normal[k, axis]
+                out[n, 6], out[n, 7] = 0.0, area[k]
+                for q in range(light.shape[1]):
+                    out[n, 8 + q] = light[r * width + c, q]
+                n += 1

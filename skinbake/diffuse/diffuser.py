@@ -30,7 +30,7 @@ from skinbake.diffuse.texture import (
     texture_blur,
     texture_pyramids,
 )
-from skinbake.diffuse.upsample import interpolate_smooth, widest_gap
+from skinbake.diffuse.upsample import interpolate_smooth, least_sigma, widest_gap
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
@@ -56,6 +56,7 @@ class Diffuser:
         self.lights = self.source[0].shape[0]
         self._atlases: dict[int, Atlas] = {}
         self._targets: dict[int, list[TexelPoints]] = {}
+        self._smooth: dict[int, list[NDArray[np.float32]]] = {}
         self._sources: dict[tuple[float, float], LobeSources] = {}
 
     @cached_property
@@ -179,11 +180,9 @@ class Diffuser:
         normal: NDArray[np.float32],
         texel: NDArray[np.float32],
     ) -> Float:
-        rows, area = self.surface.texels
         return reference_integral(
-            rows, area, position, normal, texel, variance_mm2,
-            self.spec.separate, self.spec.normalise,
-        )  # fmt: skip
+            self.surface.texels, position, normal, texel, variance_mm2, self.spec.separate, self.spec.normalise
+        )
 
     def level_atlas(self, level: int) -> Atlas:
         """The mesh rasterised at a stored size."""
@@ -235,14 +234,19 @@ class Diffuser:
             if level == 0:
                 flat[:] = self.surface.tiles[k][1]
             if coarse is not None:
-                half = self.targets(level + 1)[k]
-                left = interpolate_smooth(
-                    coarse[k], half.row, half.position, points.row, points.position, sigma, flat, gap
-                )
+                left = interpolate_smooth(coarse[k], points.row, self._least_sigma(level)[k], sigma, flat)
                 points = replace(points, row=left)
             evaluate(sources, points, self.spec.separate, self.spec.normalise, flat)
             tiles.append(flat)
         return tiles
+
+    def _least_sigma(self, level: int) -> list[NDArray[np.float32]]:
+        """Which lobes may be interpolated from half this size, texel by texel; all lobes share it."""
+        if level not in self._smooth:
+            gap = widest_gap(self.spec.tolerance)
+            pairs = zip(self.targets(level + 1), self.targets(level), strict=True)
+            self._smooth[level] = [least_sigma(coarse, fine, gap) for coarse, fine in pairs]
+        return self._smooth[level]
 
     def _surface_points(
         self,

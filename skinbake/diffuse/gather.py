@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit, prange
 
 from skinbake.diffuse.lanes import LANES, gaussian, load, splat, store
+from skinbake.diffuse.rows import AMPLITUDE, LIGHT, NARROWING, NORMAL
 from skinbake.diffuse.separate import passes
 
 _CHUNK = 64  # batches that share their scratch memory
@@ -21,9 +22,8 @@ _TINY = np.float32(1e-20)
 @njit(cache=True, parallel=True)
 def gather(  # type: ignore[no-untyped-def]
     batches, position, normal, variance, gain, flat_index,  # targets: (B, 16), then (T, ...)
-    source, narrowing, amplitude, source_normal, radiosity,  # (S, 3), (S,), (S,), (S, 3), (S, C)
-    row_start, origin, cell, rows_y, rows_z,  # rows of sources along x, sorted by x inside each
-    cut, separate, scale,  # scale > 0: out = scale gain sum (not normalised)
+    source, row_start, origin, cell, rows_y, rows_z,  # see SourceRows
+    cut, separate, scale, density,  # amplitudes are scaled; density > 0: out = density gain sum (not normalised)
     out, weight,  # (H*W, C), (H*W,)
 ):  # fmt: skip
     """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 variance_t) p_ts.
@@ -32,20 +32,20 @@ def gather(  # type: ignore[no-untyped-def]
     is not positive `out` is left as it was. p_ts is the share that `passes`.
     """
     for chunk in prange((batches.shape[0] + _CHUNK - 1) // _CHUNK):
-        scratch = np.empty((8 + radiosity.shape[1], LANES), np.float32)
+        scratch = np.empty((source.shape[1], LANES), np.float32)
         for b in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, batches.shape[0])):
             _gather_batch(
-                batches[b], position, normal, variance, gain, flat_index, source, narrowing, amplitude, source_normal,
-                radiosity, row_start, origin, cell, rows_y, rows_z, cut, separate, scale, scratch, out, weight,
+                batches[b], position, normal, variance, gain, flat_index, source, row_start, origin, cell,
+                rows_y, rows_z, cut, separate, scale, density, scratch, out, weight,
             )  # fmt: skip
 
 
 @njit(cache=True)
 def _gather_batch(  # type: ignore[no-untyped-def]
-    batch, position, normal, variance, gain, flat_index, source, narrowing, amplitude, source_normal,
-    radiosity, row_start, origin, cell, rows_y, rows_z, cut, separate, scale, scratch, out, weight,
+    batch, position, normal, variance, gain, flat_index, source, row_start, origin, cell,
+    rows_y, rows_z, cut, separate, scale, density, scratch, out, weight,
 ):  # fmt: skip
-    channels = radiosity.shape[1]
+    channels = source.shape[1] - LIGHT
     at = scratch[:7]  # x y z, normal x y z, 1 / (64 variance)
     radius = _ZERO
     for t in range(LANES):
@@ -97,9 +97,9 @@ def _gather_batch(  # type: ignore[no-untyped-def]
                     break
                 dx, dy, dz = source[s, 0] - x, source[s, 1] - y, source[s, 2] - z
                 distance2 = dx * dx + dy * dy + dz * dz
-                w = gaussian(distance2 * (rate * narrowing[s])) * amplitude[s]
+                w = gaussian(distance2 * (rate * source[s, NARROWING])) * (source[s, AMPLITUDE] * scale)
                 if separate:
-                    mx, my, mz = source_normal[s, 0], source_normal[s, 1], source_normal[s, 2]
+                    mx, my, mz = source[s, NORMAL], source[s, NORMAL + 1], source[s, NORMAL + 2]
                     if ax * mx + ay * my + az * mz < sine:
                         w *= passes(
                             nx * mx + ny * my + nz * mz,
@@ -108,11 +108,11 @@ def _gather_batch(  # type: ignore[no-untyped-def]
                             distance2 + _TINY,
                         )
                 total += w
-                red += w * radiosity[s, 0]
-                green += w * radiosity[s, 1]
-                blue += w * radiosity[s, 2]
+                red += w * source[s, LIGHT]
+                green += w * source[s, LIGHT + 1]
+                blue += w * source[s, LIGHT + 2]
                 for c in range(channels - 3):
-                    store(more, c * LANES, load(more, c * LANES) + w * radiosity[s, 3 + c])
+                    store(more, c * LANES, load(more, c * LANES) + w * source[s, LIGHT + 3 + c])
 
     sums = scratch[4 + channels :]
     store(sums.reshape(-1), 0, red)
@@ -122,8 +122,8 @@ def _gather_batch(  # type: ignore[no-untyped-def]
     for t in range(LANES):
         k = flat_index[batch[t]]
         weight[k] = sums[3, t]
-        factor = scale * gain[batch[t]]
-        if scale == 0:
+        factor = density * gain[batch[t]]
+        if density == 0:
             if not sums[3, t] > _TINY:
                 continue
             factor = np.float32(1) / sums[3, t]

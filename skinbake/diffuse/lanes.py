@@ -22,7 +22,7 @@ LANES = 16
 _VECTOR = ir.VectorType(ir.FloatType(), LANES)
 
 
-class _LanesType(types.Type):  # type: ignore[misc]
+class _LanesType(types.Type):
     def __init__(self) -> None:
         super().__init__("Lanes")
 
@@ -31,7 +31,7 @@ _LANES = _LanesType()
 
 
 @register_model(_LanesType)
-class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
+class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of: Any) -> None:
         super().__init__(manager, of, _VECTOR)
 
@@ -42,7 +42,7 @@ def _spread(builder: Any, scalar: Any) -> Any:
     return builder.shuffle_vector(first, ir.Constant(_VECTOR, ir.Undefined), same)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def splat(typing: Any, value: Any) -> Any:
     """One float32 in every lane."""
     return _LANES(types.float32), lambda context, builder, signature, args: _spread(builder, args[0])
@@ -53,7 +53,7 @@ def _address(context: Any, builder: Any, array_type: Any, array: Any, index: Any
     return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def load(typing: Any, array: Any, index: Any) -> Any:
     """Sixteen entries of a flat contiguous float32 array, from `index` on; not checked."""
 
@@ -63,7 +63,7 @@ def load(typing: Any, array: Any, index: Any) -> Any:
     return _LANES(array, types.intp), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def store(typing: Any, array: Any, index: Any, value: Any) -> Any:
     """Write sixteen entries of a flat contiguous float32 array, from `index` on; not checked."""
 
@@ -75,7 +75,7 @@ def store(typing: Any, array: Any, index: Any, value: Any) -> Any:
 
 
 def _binary(generate: Any) -> Any:
-    @intrinsic  # type: ignore[untyped-decorator]
+    @intrinsic
     def both(typing: Any, a: Any, b: Any) -> Any:
         return _LANES(_LANES, _LANES), lambda context, builder, signature, args: generate(builder, *args)
 
@@ -93,7 +93,7 @@ _most = _binary(lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a
 def _overload(function: Any, both: Any) -> None:
     """Lanes with lanes, and with a scalar on either side."""
 
-    @overload(function, inline="always")  # type: ignore[untyped-decorator]
+    @overload(function, inline="always")
     def typed(a, b):  # type: ignore[no-untyped-def]  # numba wants the same signature inside and out
         if isinstance(a, _LanesType) and isinstance(b, _LanesType):
             return lambda a, b: both(a, b)

@@ -12,7 +12,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.lattice import lattice_gaussian
-from skinbake.diffuse.rows import SourceRows
+from skinbake.diffuse.rows import AMPLITUDE, LIGHT, NORMAL, SourceRows
 from skinbake.diffuse.separate import passes
 from skinbake.numerics import Float
 
@@ -21,7 +21,6 @@ CUT_SIGMA = 6.0
 
 def reference_integral(
     texels: SourceRows,
-    area_mm2: NDArray[np.float32],
     position: NDArray[np.float32],
     normal: NDArray[np.float32],
     at_texel_mm2: NDArray[np.float32],
@@ -37,9 +36,7 @@ def reference_integral(
     Parameters
     ----------
     texels : SourceRows
-        Every texel that has area.
-    area_mm2 : ndarray of shape (S,), float32
-        In the order of `texels`.
+        Every texel that has area, which is its amplitude.
     position, normal : ndarray of shape (P, 3), float32
     at_texel_mm2 : ndarray of shape (P,), float32
         Area of a texel at each point.
@@ -53,21 +50,21 @@ def reference_integral(
     if not variance_mm2 > 0:
         raise ValueError(f"reference_integral: expected a variance > 0, got {variance_mm2}")
     variance, gain = (values.astype(np.float64) for values in lattice_gaussian(variance_mm2, at_texel_mm2))
-    out = np.zeros((len(position), texels.radiosity.shape[1]))
+    out = np.zeros((len(position), texels.source.shape[1] - LIGHT))
     _integrate(
-        position, normal, variance, gain, CUT_SIGMA, texels.position, texels.normal, area_mm2,
-        texels.radiosity, texels.row_start, texels.origin.astype(np.float64), float(texels.cell), texels.rows_y,
-        texels.rows_z, separate, normalise, 1 / (2 * np.pi * variance_mm2), out,
+        position, normal, variance, gain, CUT_SIGMA, texels.source, texels.row_start,
+        texels.origin.astype(np.float64), float(texels.cell), texels.rows_y, texels.rows_z, separate, normalise,
+        1 / (2 * np.pi * variance_mm2), out,
     )  # fmt: skip
     return out
 
 
 @njit(cache=True, parallel=True)
 def _integrate(  # type: ignore[no-untyped-def]
-    position, normal, variance, gain, cut, source, source_normal, area, radiosity,
-    row_start, origin, cell, rows_y, rows_z, separate, normalise, density, out,
+    position, normal, variance, gain, cut, source, row_start, origin, cell, rows_y, rows_z, separate, normalise,
+    density, out,
 ):  # fmt: skip
-    channels = radiosity.shape[1]
+    channels = source.shape[1] - LIGHT
     for p in prange(len(position)):
         x, y, z = np.float64(position[p, 0]), np.float64(position[p, 1]), np.float64(position[p, 2])
         n0, n1, n2 = np.float64(normal[p, 0]), np.float64(normal[p, 1]), np.float64(normal[p, 2])
@@ -98,9 +95,9 @@ def _integrate(  # type: ignore[no-untyped-def]
                     d2 = dx * dx + dy * dy + dz * dz
                     if d2 > r * r:
                         continue
-                    w = area[s] * np.exp(-d2 / (2.0 * variance[p]))
+                    w = source[s, AMPLITUDE] * np.exp(-d2 / (2.0 * variance[p]))
                     if separate and d2 > 0:
-                        m0, m1, m2 = source_normal[s, 0], source_normal[s, 1], source_normal[s, 2]
+                        m0, m1, m2 = source[s, NORMAL], source[s, NORMAL + 1], source[s, NORMAL + 2]
                         w *= passes(
                             n0 * m0 + n1 * m1 + n2 * m2,
                             n0 * dx + n1 * dy + n2 * dz,
@@ -109,7 +106,7 @@ def _integrate(  # type: ignore[no-untyped-def]
                         )
                     total += w
                     for c in range(channels):
-                        out[p, c] += w * radiosity[s, c]
+                        out[p, c] += w * source[s, LIGHT + c]
         for c in range(channels):
             if not normalise:
                 out[p, c] *= density * gain[p]

@@ -14,7 +14,7 @@ stochastic scaling would, but then M would no longer be the integral that the er
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +25,7 @@ from skinbake.diffuse.clusters import MomentPyramid, cut_clusters, moment_pyrami
 from skinbake.diffuse.gather import gather, make_batches
 from skinbake.diffuse.lattice import lattice_gaussian
 from skinbake.diffuse.points import TexelPoints, texel_points
-from skinbake.diffuse.rows import SourceRows, sort_into_rows
+from skinbake.diffuse.rows import AMPLITUDE, NARROWING, SourceRows, sort_into_rows
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -61,18 +61,11 @@ class SurfaceLight:
         return area / max(1, sum(int(np.count_nonzero(p.area_mm2)) for p, _, _ in self.tiles))
 
     @cached_property
-    def texels(self) -> tuple[SourceRows, NDArray[np.float32]]:
-        """Every texel that has area, sorted, and the areas: sources of the narrowest lobes and of the reference."""
-        kept = [np.flatnonzero(points.area_mm2) for points, _, _ in self.tiles]
-        tiles = list(zip(self.tiles, kept, strict=True))
-        rows = sort_into_rows(
-            np.concatenate([points.position[k] for (points, _, _), k in tiles]),
-            np.concatenate([points.normal[k] for (points, _, _), k in tiles]),
-            np.concatenate([light[points.flat_index[k]] for (points, light, _), k in tiles]),
-            2 * np.sqrt(max(self.mean_texel_mm2, 1e-12)),
-        )
-        area = np.concatenate([points.area_mm2[k] for (points, _, _), k in tiles])[rows.order]
-        return replace(rows, order=rows.order[:0]), area
+    def texels(self) -> SourceRows:
+        """Every texel that has area, its area as the amplitude: sources of the narrowest lobes and of the reference."""
+        singles = cut_clusters(self.tiles, -1.0)
+        singles[:, NARROWING] = 1
+        return sort_into_rows(singles, 2 * np.sqrt(max(self.mean_texel_mm2, 1e-12)))
 
 
 @dataclass(frozen=True)
@@ -80,11 +73,9 @@ class LobeSources:
     """Sources of one lobe, and how far a target looks."""
 
     rows: SourceRows
-    narrowing: NDArray[np.float32]
-    amplitude: NDArray[np.float32]
     variance_mm2: float
     cut: float
-    amplitude_scale: float
+    widest_amplitude: float
 
 
 def surface_light(radiosity: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: SkinMesh) -> SurfaceLight:
@@ -120,16 +111,14 @@ def lobe_sources(
     """
     max_spread = spacing**2 / 12 * variance_mm2
     if max_spread < light.mean_texel_mm2 / 16:  # a quarter of the spread of four texels: most would stand alone
-        rows, amplitude = light.texels
-        narrowing = np.ones_like(amplitude)
+        rows = light.texels
     else:
         clusters = cut_clusters(light.tiles, max_spread)
-        rows = sort_into_rows(clusters.position, clusters.normal, clusters.radiosity, cut * np.sqrt(variance_mm2) / 3)
-        narrowing = (variance_mm2 / (variance_mm2 - clusters.spread_mm2.astype(np.float64))).astype(np.float32)
-        narrowing = narrowing[rows.order]
-        amplitude = clusters.area_mm2[rows.order] * narrowing
-    scale = float(amplitude.max(initial=0)) or 1.0
-    return LobeSources(rows, narrowing, amplitude / np.float32(scale), variance_mm2, cut, scale)
+        clusters[:, NARROWING] = np.float32(variance_mm2) / (np.float32(variance_mm2) - clusters[:, NARROWING])
+        clusters[:, AMPLITUDE] *= clusters[:, NARROWING]
+        rows = sort_into_rows(clusters, cut * np.sqrt(variance_mm2) / 3)
+    widest = float(rows.source[:, AMPLITUDE].max(initial=0)) or 1.0
+    return LobeSources(rows, variance_mm2, cut, widest)
 
 
 def evaluate(
@@ -150,12 +139,11 @@ def evaluate(
     rows = sources.rows
     if weight is None:
         weight = np.zeros(len(out), np.float32)
-    scale = 0.0 if normalise else sources.amplitude_scale / (2 * np.pi * sources.variance_mm2)
+    density = 0.0 if normalise else sources.widest_amplitude / (2 * np.pi * sources.variance_mm2)
     gather(
-        batches, points.position, points.normal, variance, gain, points.flat_index, rows.position,
-        sources.narrowing, sources.amplitude,
-        rows.normal, rows.radiosity, rows.row_start, rows.origin, rows.cell, rows.rows_y, rows.rows_z,
-        np.float32(sources.cut), separate, np.float32(scale), out, weight,
+        batches, points.position, points.normal, variance, gain, points.flat_index,
+        rows.source, rows.row_start, rows.origin, rows.cell, rows.rows_y, rows.rows_z,
+        np.float32(sources.cut), separate, np.float32(1 / sources.widest_amplitude), np.float32(density), out, weight,
     )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from skinbake.diffuse.diffuser import Diffuser
 from skinbake.diffuse.points import texel_points
 from skinbake.diffuse.probes import draw_probes
 from skinbake.diffuse.reference import reference_integral
+from skinbake.diffuse.rows import AMPLITUDE, LIGHT
 from skinbake.diffuse.separate import passes
 from skinbake.diffuse.surface import surface_blur, surface_light
 from skinbake.scene.mesh import SkinMesh
@@ -43,14 +44,14 @@ def test_reference_equals_brute_force(variance, separate):
     """To 1e-6, for lobes from a third of a texel up: nothing of the neighbour search shows."""
     mesh, atlas, (light,) = _bumps()
     flat = surface_light([light[0]], atlas, mesh)
-    rows, area = flat.texels
+    texels = flat.texels
     points = flat.tiles[0][0]
     pick = np.flatnonzero(points.area_mm2 > 0)[::301]
     coarse = np.full(len(pick), 1e-6, np.float32)  # lobes are not widened to the lattice here
-    got = reference_integral(rows, area, points.position[pick], points.normal[pick], coarse, variance, separate)
+    got = reference_integral(texels, points.position[pick], points.normal[pick], coarse, variance, separate)
     want = brute_force(
-        points.position[pick], points.normal[pick], rows.position, rows.normal, area,
-        rows.radiosity.astype(float), variance, separate,
+        points.position[pick], points.normal[pick], *np.split(texels.source[:, :6], 2, axis=1),
+        texels.source[:, AMPLITUDE], texels.source[:, LIGHT:].astype(float), variance, separate,
     )  # fmt: skip
     np.testing.assert_allclose(got, want, atol=1e-6)
 
