@@ -77,6 +77,7 @@ def light_skin(
         energy_conservation=energy_conservation(spec).kept,
         environments=scene.environments,
         seed=spec.output.seed,
+        tolerance=spec.diffusion.tolerance,
     )
 
 
@@ -137,3 +138,9 @@ def energy_conservation(spec: SceneSpec) -> PlanLine:
     kept = share > spec.diffusion.tolerance if wanted == "auto" else wanted == "on"
     reason = f"the oil layer reflects {share:.2%} of diffuse light"
     return PlanLine("energy_conservation", kept, f"{wanted}: {reason}, tolerance {spec.diffusion.tolerance:.2%}")
+
+
+def plan_of(spec: SceneSpec, irradiance: tuple[IrradianceMap, ...], diffused: DiffuseMap) -> tuple[PlanLine, ...]:
+    """Every decision of a bake, in the order of its stages."""
+    lights = tuple(line for lines in irradiance[0].plan.values() for line in lines)
+    return (energy_conservation(spec), *lights, *diffused.plan)

@@ -13,7 +13,7 @@ from skinbake import pipeline
 from skinbake.cli.keys import preview_key
 from skinbake.cli.stages import Stages, peak_memory_mib
 from skinbake.cli.workshop import Workshop
-from skinbake.diffuse import DiffuseMap
+from skinbake.diffuse import DiffuseMap, PlanLine
 from skinbake.errors import InputError, ToleranceMissedError
 from skinbake.io.atomic import write_text
 from skinbake.io.fingerprint import sha256_of
@@ -52,11 +52,12 @@ def bake_look(
         irradiance = stages.irradiance()
         result = stages.diffuse(gaussians, irradiance, stages.light_keys)
         textures = stages.textures(irradiance, result) if spec.output.tx else []
-        manifest = manifest_of(stages, gaussians, result, tuple(light.name for light in spec.lights))
+        plan = pipeline.plan_of(spec, irradiance, result)
+        manifest = manifest_of(stages, gaussians, result, plan, tuple(light.name for light in spec.lights))
         manifest["tx"] = [path.name for path in textures]
         manifest["timings"]["total"] = time.perf_counter() - start
         put_manifest(stages, manifest)
-        report(stages, result)
+        report(stages, result, plan)
         if preview:
             _draw(stages, stages.diffuse_key(gaussians, stages.light_keys))
     stages.say(f"done in {time.perf_counter() - start:.2f} s: {stages.out}")
@@ -102,10 +103,11 @@ def preview_is_current(folder: Path, key: str) -> bool:
         return False
 
 
-def manifest_of(stages: Stages, gaussians: GaussianSum, result: DiffuseMap, lights: tuple[str, ...]) -> dict[str, Any]:
+def manifest_of(
+    stages: Stages, gaussians: GaussianSum, result: DiffuseMap, plan: tuple[PlanLine, ...], lights: tuple[str, ...]
+) -> dict[str, Any]:
     """What bake.json holds."""
     spec, udim = stages.spec, stages.spec.texture.udim
-    energy = pipeline.energy_conservation(spec)
     lobes = []
     for index, lobe in enumerate(result.lobes):
         files = {tile: tile_path(stages.out / lobe_name(index, lobe), tile, udim).name for tile in lobe.rgb}
@@ -130,20 +132,20 @@ def manifest_of(stages: Stages, gaussians: GaussianSum, result: DiffuseMap, ligh
         "lights": list(lights),
         "texturing": spec.texturing.model_dump(),
         "terms": {
-            "energy_conservation": energy.kept,
+            "energy_conservation": pipeline.energy_conservation(spec).kept,
             "transmission": any(lobe.method == "transmission" for lobe in result.lobes),
         },
         "timings": dict(stages.timings),
         "reused": [stage for stage, reused in stages.reused.items() if reused],
         "peak_memory_mib": round(peak_memory_mib(), 1),
         "error": error,
-        "plan": [asdict(line) for line in (energy, *result.plan)],
+        "plan": [asdict(line) for line in plan],
     }
 
 
-def report(stages: Stages, result: DiffuseMap) -> None:
+def report(stages: Stages, result: DiffuseMap, plan: tuple[PlanLine, ...]) -> None:
     """The plan and the measured error, on the terminal."""
-    for line in (pipeline.energy_conservation(stages.spec), *result.plan):
+    for line in plan:
         stages.say(f"  {'+' if line.kept else '-'} {line.term:<20} {line.why}")
     if result.error:
         e = result.error

@@ -29,6 +29,7 @@ def command(
     from skinbake.io.config import load_look
     from skinbake.io.fingerprint import sha256_of
     from skinbake.io.irradiance import read_irradiance, tile_path
+    from skinbake.pipeline import plan_of
 
     spec = load_look(config, overrides, out)
     stages = Stages(spec, force, verbosity)
@@ -37,7 +38,8 @@ def command(
     with stages.locked():
         gaussians = stages.profile()
         result = stages.diffuse(gaussians, maps, [sha256_of(path) for path in paths.values()])
-        put_manifest(stages, manifest_of(stages, gaussians, result, maps[0].lights))
-    report(stages, result)
+        plan = plan_of(spec, maps, result)
+        put_manifest(stages, manifest_of(stages, gaussians, result, plan, maps[0].lights))
+    report(stages, result, plan)
     if not result.tolerance_met:
         raise ToleranceMissedError(f"{stages.out}: tolerance {spec.diffusion.tolerance:g} missed: {result.advice}")

@@ -19,6 +19,8 @@ def light_key(spec: SceneSpec, inputs: dict[str, str], name: str, energy_conserv
     """Of one light's irradiance. Roughness counts only where the oil layer's share is taken off the light."""
     light = next(light for light in spec.lights if light.name == name).model_dump(mode="json")
     light.pop("path", None)
+    # An environment is planned by the tolerance
+    tolerance = spec.diffusion.tolerance if light["type"] == "environment" else None
     oil = None
     if energy_conservation:
         oil = (spec.specular.model_dump(mode="json"), inputs.get("roughness"), inputs.get("specular"))
@@ -29,7 +31,7 @@ def light_key(spec: SceneSpec, inputs: dict[str, str], name: str, energy_conserv
             spec.maps.normal.model_dump(mode="json", exclude={"path"}) if spec.maps.normal else None,
             inputs.get("normal"),
         ),
-        (light, inputs.get(f"light.{name}"), spec.shadows, spec.output.seed, spec.output.precision),
+        (light, inputs.get(f"light.{name}"), tolerance, spec.shadows, spec.output.seed, spec.output.precision),
         oil,
     )
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, AtlasRaster
 from skinbake.io.cache import Entry
 from skinbake.io.exr import as_stored
+from skinbake.io.irradiance import plan_of_text, plan_text
 from skinbake.irradiance import IrradianceMap
 
 
@@ -41,6 +42,8 @@ def light_entries(maps: Sequence[IrradianceMap], precision: str) -> dict[str, En
             rgb = as_stored(tile.rgb[i : i + 1], precision)[0]
             visibility = as_stored(tile.visibility[i][None, ..., None], precision)[0, ..., 0]
             entries[name] |= {f"{tile.tile}.rgb": _packed(rgb), f"{tile.tile}.visibility": _packed(visibility)}
+            if name in tile.plan:
+                entries[name]["plan"] = np.frombuffer(plan_text(tile.plan[name]).encode(), np.uint8)
     return entries
 
 
@@ -49,6 +52,11 @@ def merged_lights(
 ) -> tuple[IrradianceMap, ...]:
     """Lights in the order of `names`: from `found` where it has them, else from what was `kept` of the files."""
     tiles = []
+    plan = {name: lines for tile in kept[:1] for name, lines in tile.plan.items() if name in names}
+    for name, entry in found.items():
+        plan.pop(name, None)
+        if "plan" in entry:
+            plan[name] = plan_of_text(entry["plan"].tobytes().decode())
     for k, raster in enumerate(atlas):
         rgb = np.empty((len(names), *raster.shape, 3), np.float32)
         visibility = np.empty((len(names), *raster.shape), np.float32)
@@ -58,7 +66,7 @@ def merged_lights(
             else:
                 j = kept[k].lights.index(name)
                 rgb[i], visibility[i] = kept[k].rgb[j], kept[k].visibility[j]
-        tiles.append(IrradianceMap(raster.tile, names, rgb, visibility, raster.coverage))
+        tiles.append(IrradianceMap(raster.tile, names, rgb, visibility, raster.coverage, plan))
     return tuple(tiles)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
 from skinbake.irradiance import IrradianceMap
+from skinbake.scene.plan_line import PlanLine
 
 LIGHT = "light."
 TOTAL = "irradiance"
@@ -33,8 +36,19 @@ def write_irradiance(
     parts = [Part(TOTAL, rgb_channels(irradiance.total) | {"A": irradiance.coverage})]
     for i, name in enumerate(irradiance.lights):
         channels = rgb_channels(irradiance.rgb[i]) | {"visibility": irradiance.visibility[i]}
-        parts.append(Part(LIGHT + name, channels, {"skinbake:key": keys[name]}))
+        told = {"skinbake:plan": plan_text(irradiance.plan[name])} if name in irradiance.plan else {}
+        parts.append(Part(LIGHT + name, channels, {"skinbake:key": keys[name]} | told))
     write_parts(path, parts, attributes, precision, compression)
+
+
+def plan_text(lines: tuple[PlanLine, ...]) -> str:
+    """A light's plan as JSON."""
+    return json.dumps([asdict(line) for line in lines])
+
+
+def plan_of_text(text: str) -> tuple[PlanLine, ...]:
+    """The plan again."""
+    return tuple(PlanLine(**line) for line in json.loads(text))
 
 
 def light_keys(path: Path) -> dict[str, str]:
@@ -88,4 +102,9 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
         rgb,
         np.stack([np.asarray(part.channels.get("visibility", one), np.float32) for part in chosen]),
         np.asarray(total.channels.get("A", one), np.float32),
+        {
+            name.removeprefix(LIGHT): plan_of_text(str(parts[name].attributes["skinbake:plan"]))
+            for name in lights
+            if "skinbake:plan" in parts[name].attributes
+        },
     )

@@ -25,45 +25,51 @@ def direction_of(u: Float, v: Float, rotate_deg: float = 0.0) -> Float:
     return np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)], axis=-1)
 
 
-def environment_samples(
-    radiance: Image, count: int, rotate_deg: float = 0.0, offset: float = 0.0
-) -> tuple[Image, Image]:
-    """Directions (n, 3) drawn in proportion to radiance times solid angle, and what each stands for (n, 3).
+class SkySamples:
+    """Directions drawn in proportion to radiance times solid angle.
 
     A low-discrepancy sequence (R2 [Roberts2018]) mapped through the marginal and conditional distributions of the map,
     with a tenth of the samples' density uniform, so that dim parts are not left to chance.
     """
-    height, width = radiance.shape[:2]
-    row_edges = np.cos(np.pi * np.arange(height + 1) / height)
-    solid = (2 * np.pi / width) * (row_edges[:-1] - row_edges[1:])[:, None]
-    bright = radiance.astype(np.float64).mean(axis=2) * solid
-    share = np.broadcast_to(solid / (4 * np.pi), bright.shape)
-    density = 0.9 * bright / bright.sum() + 0.1 * share if bright.sum() > 0 else share
 
-    plastic = 1.32471795724474602596
-    step = np.arange(count) + 0.5
-    x, y = (step / plastic + offset) % 1, (step / plastic**2 + offset) % 1
-    rows = density.sum(axis=1)
-    marginal = np.concatenate([[0], np.cumsum(rows)])
-    marginal /= marginal[-1]
-    row = np.clip(np.searchsorted(marginal, x, side="right") - 1, 0, height - 1)
-    in_row = (x - marginal[row]) / np.maximum(marginal[row + 1] - marginal[row], 1e-300)
-    conditional = np.concatenate([np.zeros((height, 1)), np.cumsum(density, axis=1)], axis=1)
-    conditional /= conditional[:, -1:]
-    col = np.array([np.searchsorted(conditional[r], t, side="right") - 1 for r, t in zip(row, y, strict=True)])
-    col = np.clip(col, 0, width - 1)
-    in_col = (y - conditional[row, col]) / np.maximum(conditional[row, col + 1] - conditional[row, col], 1e-300)
+    def __init__(self, radiance: Image, rotate_deg: float = 0.0) -> None:
+        height, width = radiance.shape[:2]
+        self._radiance, self._rotate_deg = radiance, rotate_deg
+        self._row_edges = np.cos(np.pi * np.arange(height + 1) / height)
+        self._solid = (2 * np.pi / width) * (self._row_edges[:-1] - self._row_edges[1:])[:, None]
+        bright = radiance.mean(axis=2, dtype=np.float64) * self._solid
+        share = np.broadcast_to(self._solid / (4 * np.pi), bright.shape)
+        self._density = 0.9 * bright / bright.sum() + 0.1 * share if bright.sum() > 0 else share
+        self._marginal = np.concatenate([[0], np.cumsum(self._density.sum(axis=1))])
+        self._marginal /= self._marginal[-1]
+        self._conditional = np.concatenate([np.zeros((height, 1)), np.cumsum(self._density, axis=1)], axis=1)
+        self._conditional /= self._conditional[:, -1:]
 
-    # Uniform in solid angle inside the texel
-    cosine = row_edges[row] + np.clip(in_row, 0, 1) * (row_edges[row + 1] - row_edges[row])
-    v = 1 - np.arccos(np.clip(cosine, -1, 1)) / np.pi
-    directions = direction_of((col + np.clip(in_col, 0, 1)) / width, v, rotate_deg)
-    stands_for = radiance[row, col] * (solid[row] / density[row, col][:, None] / count)
-    return directions.astype(np.float32), stands_for.astype(np.float32)
+    def draw(self, count: int, offset: float = 0.0) -> tuple[Image, Image]:
+        """`count` directions (n, 3), and what each stands for (n, 3); `offset` of 0 to 1 shifts the sequence."""
+        height, width = self._density.shape
+        plastic = 1.32471795724474602596
+        step = np.arange(count) + 0.5
+        x, y = (step / plastic + offset) % 1, (step / plastic**2 + offset) % 1
+        row = np.clip(np.searchsorted(self._marginal, x, side="right") - 1, 0, height - 1)
+        in_row = (x - self._marginal[row]) / np.maximum(self._marginal[row + 1] - self._marginal[row], 1e-300)
+        conditional = self._conditional
+        col = np.array([np.searchsorted(conditional[r], t, side="right") - 1 for r, t in zip(row, y, strict=True)])
+        col = np.clip(col, 0, width - 1)
+        in_col = (y - conditional[row, col]) / np.maximum(conditional[row, col + 1] - conditional[row, col], 1e-300)
+
+        # Uniform in solid angle inside the texel
+        edges = self._row_edges
+        cosine = edges[row] + np.clip(in_row, 0, 1) * (edges[row + 1] - edges[row])
+        v = 1 - np.arccos(np.clip(cosine, -1, 1)) / np.pi
+        directions = direction_of((col + np.clip(in_col, 0, 1)) / width, v, self._rotate_deg)
+        density = self._density[row, col][:, None]
+        stands_for = self._radiance[row, col] * (self._solid[row] / density / count)
+        return directions.astype(np.float32), stands_for.astype(np.float32)
 
 
-def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
-    """Unshadowed irradiance for every normal, octahedral map of shape (NORMALS + 1, NORMALS + 1, 3)."""
+def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Float:
+    """Unshadowed irradiance of each of the unit normals (n, 3), shape (n, 3): the sky times the clamped cosine."""
     height, width = min(SKY[0], radiance.shape[0]), min(SKY[1], radiance.shape[1])
     fine = -(-SKY[0] // height), -(-SKY[1] // width)
     edges = np.cos(np.pi * np.arange(radiance.shape[0] + 1) / radiance.shape[0])
@@ -76,14 +82,19 @@ def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
     polar = np.pi * (np.arange(h) + 0.5) / h
     u, v = np.meshgrid((np.arange(w) + 0.5) / w, 1 - polar / np.pi)
     solid = np.broadcast_to(((2 * np.pi / w) * (edges[:-1] - edges[1:]))[:, None], (h, w))
+    towards = direction_of(u, v, rotate_deg).reshape(-1, 3)
+    return _convolve(normal, towards, (sky * solid[..., None]).reshape(-1, 3), solid.ravel())
+
+
+def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
+    """`cosine_irradiance` of every normal, octahedral map of shape (NORMALS + 1, NORMALS + 1, 3)."""
     axis = np.linspace(-1, 1, NORMALS + 1)
     x, y = np.meshgrid(axis, axis)
     z = 1 - np.abs(x) - np.abs(y)
     fold = np.maximum(-z, 0)
     normal = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1).reshape(-1, 3)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    towards = direction_of(u, v, rotate_deg).reshape(-1, 3)
-    out = _convolve(normal, towards, (sky * solid[..., None]).reshape(-1, 3), solid.ravel())
+    out = cosine_irradiance(radiance, rotate_deg, normal)
     return out.astype(np.float32).reshape(NORMALS + 1, NORMALS + 1, 3)
 
 

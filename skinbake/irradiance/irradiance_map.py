@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from skinbake.scene.plan_line import PlanLine
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,8 @@ class IrradianceMap:
         Unshadowed share of each light, 0 ... 1; shadows the specular in the preview.
     coverage : ndarray of shape (H, W), float32
         Of the atlas.
+    plan : mapping of light name to tuple of PlanLine
+        What was decided for lights that leave something to decide.
     """
 
     tile: int
@@ -31,6 +36,7 @@ class IrradianceMap:
     rgb: NDArray[np.float32]
     visibility: NDArray[np.float32]
     coverage: NDArray[np.float32]
+    plan: Mapping[str, tuple[PlanLine, ...]] = field(default_factory=dict)
 
     @property
     def total(self) -> NDArray[np.float32]:

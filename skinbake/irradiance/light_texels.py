@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas
 from skinbake.irradiance.emitter import colour, emitter, unshadowed
 from skinbake.irradiance.environment import light_environment
+from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import specular_albedo_table
@@ -36,6 +37,7 @@ def light_texels(
     energy_conservation: bool = False,
     environments: Mapping[str, Image] | None = None,
     seed: int = 0,
+    tolerance: float = 0.01,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of each light at each texel, one map a tile.
 
@@ -55,11 +57,22 @@ def light_texels(
         Radiance maps of the environment lights that have a path.
     seed : int
         Of the samples of area and environment lights.
+    tolerance : float
+        Rms error of an environment's light, by which its plan is made.
     """
     specular = specular or SpecularSpec()
     occluder = Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
     table = np.array(specular_albedo_table()) if energy_conservation else np.zeros((0, 0, 2))
+    height, width = atlas[0].shape
+    skies = {
+        light.name: plan_environment(
+            light, (environments or {}).get(light.name), mesh, occluder, (width, height), shadows, tolerance, seed
+        )
+        for light in lights
+        if isinstance(light, EnvironmentLight)
+    }
+    plan = {name: sky.lines for name, sky in skies.items()}
     maps_out = []
     for raster in atlas:
         surface = texel_surface(raster, mesh, maps, specular, occluder)
@@ -71,11 +84,11 @@ def light_texels(
                 arriving, seen[i] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
                 rgb[i] = arriving[..., None] * np.asarray(light.radiance, np.float32)
             elif isinstance(light, EnvironmentLight):
-                radiance = (environments or {}).get(light.name)
-                rgb[i], seen[i] = light_environment(surface, occluder, light, casts, radiance, table, specular.f0, seed)
+                rgb[i], seen[i] = light_environment(surface, occluder, skies[light.name], table, specular.f0)
             else:
                 _light_one(surface, occluder, light, casts, table, specular.f0, rgb[i], seen[i])
-        maps_out.append(IrradianceMap(raster.tile, tuple(light.name for light in lights), rgb, seen, raster.coverage))
+        names = tuple(light.name for light in lights)
+        maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
     return tuple(maps_out)
 
 

@@ -19,6 +19,7 @@ from skinbake.scene.spec import SpecularSpec
 Image = NDArray[np.float32]
 TEXEL_SHARE = 0.01  # of a texel, by which a ray starts above its facet
 SPACINGS = 16  # float32 spacings, the same
+GOLDEN = (1 + 5**0.5) / 2
 WORTH_CHECKING = 0.25  # of a texel: a shorter way to the smooth surface cannot cross anything
 
 
@@ -80,13 +81,7 @@ def texel_surface(
     """Gather it once a tile; every light uses it."""
     height, width = raster.shape
     fine = occluder.surface
-    corners = fine.positions_mm[fine.faces] - occluder.centre_mm
-    facing = normalized(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    facing *= np.where(np.einsum("fi,fki->f", facing, fine.corner_normal) < 0, -1.0, 1.0)[:, None]
-    texel_mm = face_mm_per_texel(mesh, (width, height)).min(axis=1)
-    step_mm = TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
-    lift = facing * np.repeat(step_mm, 4**fine.levels)[:, None]
-
+    corners, lift, texel_mm = _lifted(mesh, occluder, (width, height))
     point, start, offset = (np.zeros((height, width, 3), np.float32) for _ in range(3))
     place(raster.face_index, raster.barycentric, fine.levels, corners, fine.corner_normal, lift, point, start, offset)
     on_facet = _barred(raster, start, offset, texel_mm, occluder)
@@ -111,6 +106,37 @@ def texel_surface(
         _barycentrics_per_texel(mesh, width, height),
         on_facet,
     )
+
+
+def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int], count: int) -> tuple[Image, Image]:
+    """Ray origins at points spread evenly over the skin's area, and the smooth normals there, both (count, 3).
+
+    The same points for the same mesh: one in each of `count` equal shares of the area, in the order of the faces.
+    """
+    total = np.cumsum(mesh.face_area_mm2)
+    step = np.arange(count) + 0.5
+    face = np.searchsorted(total, step / count * total[-1]).clip(max=len(total) - 1).astype(np.int32)
+    root, along = np.sqrt(step / GOLDEN % 1), step / GOLDEN**2 % 1
+    barycentric = np.stack([root * (1 - along), root * along], axis=-1).astype(np.float32)
+    fine = occluder.surface
+    corners, lift, _ = _lifted(mesh, occluder, size)
+    point, start, offset = (np.zeros((1, count, 3), np.float32) for _ in range(3))
+    place(face[None], barycentric[None], fine.levels, corners, fine.corner_normal, lift, point, start, offset)
+    offset[0, occluder.occluded(start[0], offset[0], np.ones(count, np.float32))] = 0
+    weight = np.concatenate([1 - barycentric.sum(axis=1, keepdims=True), barycentric], axis=1)
+    normal = normalized(np.einsum("nk,nki->ni", weight, mesh.corner_normal[face]))
+    return start[0] + offset[0], normal.astype(np.float32)
+
+
+def _lifted(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int]) -> tuple[Float, Float, Float]:
+    """Corners of the smooth surface's triangles, the step off each, both (n, 3) by corner or face, and texels in mm."""
+    fine = occluder.surface
+    corners = fine.positions_mm[fine.faces] - occluder.centre_mm
+    facing = normalized(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    facing *= np.where(np.einsum("fi,fki->f", facing, fine.corner_normal) < 0, -1.0, 1.0)[:, None]
+    texel_mm = face_mm_per_texel(mesh, size).min(axis=1)
+    step_mm = TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
+    return corners, facing * np.repeat(step_mm, 4**fine.levels)[:, None], texel_mm
 
 
 def _barred(raster: AtlasRaster, start: Image, offset: Image, texel_mm: Float, occluder: Occluder) -> NDArray[np.bool_]:

@@ -1,0 +1,181 @@
+"""How an environment is computed, decided by measuring: harmonics or a table, and how many directions for its shadows.
+
+A tolerance is spent as a sum of squares: the harmonics' cut, the directions' noise and the interpolation between traced
+texels may take `HARMONICS_SHARE`, `SAMPLING_SHARE` and about a third of it.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.irradiance.environment_map import SkySamples, cosine_irradiance, irradiance_table, look_up
+from skinbake.irradiance.environment_share import open_shares
+from skinbake.irradiance.harmonics import harmonic_matrix, light_by_harmonics
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.surface import scattered_origins
+from skinbake.numerics import Float
+from skinbake.scene.lights import EnvironmentLight
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.plan_line import PlanLine
+
+Image = NDArray[np.float32]
+HARMONICS_SHARE, SAMPLING_SHARE = 0.25, 0.9
+VARIATION = 10.0  # tolerances by which the visible share may differ between texels that are interpolated: 0.35 rms
+WIDEST_VARIATION = 0.2
+MOST, FEWEST = 4096, 16  # directions
+POINTS = 16384  # of the skin: a dark place that fills one in this many of them costs 0.8 % rms
+POINTS_EACH = 32  # every how manieth of them measures the directions' noise
+NORMALS = 512  # all around, at which the harmonics are compared
+
+
+@dataclass(frozen=True)
+class EnvironmentPlan:
+    """What was decided for one light.
+
+    Attributes
+    ----------
+    sky : SkySamples
+    offset : float
+        Of its sequence.
+    samples : int
+        Directions traced from each texel; 0 where shadows are left out.
+    variation : float
+        Difference of the visible share up to which texels between traced ones are interpolated.
+    matrix : ndarray of shape (3, 4, 4)
+        Harmonics; of size 0 where the table is used.
+    table : ndarray of shape (n, n, 3)
+        Of size 0 where harmonics are used.
+    lines : tuple of PlanLine
+    """
+
+    sky: SkySamples
+    offset: float
+    samples: int
+    variation: float
+    matrix: Float
+    table: Image
+    lines: tuple[PlanLine, ...]
+
+    def unshadowed(self, normal: Image, addressed: NDArray[np.bool_]) -> Image:
+        """Irradiance of an open sky at unit normals (H, W, 3), zero where not addressed."""
+        return _unshadowed(self.matrix, self.table, normal, addressed)
+
+
+def plan_environment(
+    light: EnvironmentLight,
+    radiance: Image | None,
+    mesh: SkinMesh,
+    occluder: Occluder,
+    size: tuple[int, int],
+    shadows: bool,
+    tolerance: float,
+    seed: int,
+) -> EnvironmentPlan:
+    """Measure and decide.
+
+    Parameters
+    ----------
+    radiance : ndarray of shape (h, w, 3), optional
+        Of a light with a path.
+    size : (width, height)
+        Of the texture.
+    shadows : bool
+        For a light that does not say. One that asks for shadows, or for `samples`, gets them.
+    """
+    if light.radiance is not None:
+        radiance = np.full((8, 16, 3), light.radiance, np.float32)
+    if radiance is None:
+        raise ValueError(f"light {light.name}: expected its radiance map, got none")
+    matrix, table, line = _choose_unshadowed(light, radiance, tolerance)
+    sky = SkySamples(radiance, light.rotate_deg)
+    offset = (seed * 0x9E3779B97F4A7C15 + zlib.crc32(light.name.encode())) % 2**32 / 2**32
+    samples, lines = 0, [line]
+    if shadows if light.shadows is None else light.shadows:
+        term = f"{light.name}.shadows"
+        if light.samples is not None:
+            samples, why = light.samples, f"{light.samples} directions, asked for"
+        else:
+            origin, normal = scattered_origins(mesh, occluder, size, POINTS)
+            base = _unshadowed(matrix, table, normal[None], np.ones((1, len(normal)), np.bool_))[0]
+            samples, why = _fewest_samples(
+                sky, offset, occluder, origin, normal, base, SAMPLING_SHARE * tolerance, bool(light.shadows)
+            )
+        lines.append(PlanLine(term, samples > 0, why))
+    variation = min(VARIATION * tolerance, WIDEST_VARIATION)
+    return EnvironmentPlan(sky, offset, samples, variation, matrix, table, tuple(lines))
+
+
+def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: float) -> tuple[Float, Image, PlanLine]:
+    """Matrix and table, one of them of size 0, and why."""
+    matrix = harmonic_matrix(radiance, light.rotate_deg)
+    normal = _all_around(NORMALS)
+    exact = cosine_irradiance(radiance, light.rotate_deg, normal)
+    series = np.zeros((1, NORMALS, 3), np.float32)
+    light_by_harmonics(matrix, normal[None].astype(np.float32), np.ones((1, NORMALS), np.bool_), series)
+    error, limit = _relative(series[0], exact), HARMONICS_SHARE * tolerance
+    kept = error <= limit
+    why = f"order 2 is off by {error:.2%} rms of the exact cosine, {'within' if kept else 'above'} {limit:.2%}"
+    table = np.zeros((0, 0, 3), np.float32) if kept else irradiance_table(radiance, light.rotate_deg)
+    matrix = matrix if kept else np.zeros((3, 0, 0))
+    return matrix * light.scale, table * np.float32(light.scale), PlanLine(f"{light.name}.harmonics", kept, why)
+
+
+def _fewest_samples(
+    sky: SkySamples,
+    offset: float,
+    occluder: Occluder,
+    origin: Image,
+    normal: Image,
+    base: Image,
+    limit: float,
+    must: bool,
+) -> tuple[int, str]:
+    """How many directions keep the rms error of the light within `limit`, none if shadows matter less than that.
+
+    The noise of n directions is their distance from 4 n others of the same sky, which bounds it from above.
+    """
+    share = open_shares(origin, normal, *sky.draw(FEWEST, offset), occluder)[:, :3]
+    without = _relative(base, base * share)
+    shadows = f"shadows take {without:.2%} rms off"
+    if without <= limit and not must:
+        return 0, f"{shadows}, no more than {limit:.2%}"
+    origin, normal, base = (np.ascontiguousarray(values[::POINTS_EACH]) for values in (origin, normal, base))
+    before, samples = "", FEWEST
+    while True:
+        found = base * open_shares(origin, normal, *sky.draw(samples, offset), occluder)[:, :3]
+        reference = open_shares(origin, normal, *sky.draw(4 * samples, (offset + 0.5) % 1), occluder)[:, :3]
+        error = _relative(found, base * reference)
+        if error <= limit or samples == MOST:
+            verdict = "within" if error <= limit else "the most there are, above"
+            return samples, f"{shadows}; {samples} directions are off by {error:.2%}{before}, {verdict} {limit:.2%}"
+        before = f" ({samples} by {error:.2%})"
+        samples *= 2
+
+
+def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[np.bool_]) -> Image:
+    out = np.zeros((*addressed.shape, 3), np.float32)
+    if matrix.size:
+        light_by_harmonics(matrix, normal, addressed, out)
+    else:
+        look_up(table, normal, addressed, out)
+    return out
+
+
+def _relative(found: Image | Float, exact: Image | Float) -> float:
+    """Rms of the difference over the rms of the exact; 0 where both are black."""
+    difference = np.linalg.norm(np.asarray(found, np.float64) - exact)
+    if difference == 0:
+        return 0.0
+    whole = np.linalg.norm(np.asarray(exact, np.float64))
+    return float(difference / whole) if whole > 0 else float("inf")
+
+
+def _all_around(count: int) -> Float:
+    """Unit vectors spread evenly over the sphere (Fibonacci's spiral), shape (count, 3)."""
+    step = np.arange(count)
+    y, turn = 1 - (2 * step + 1) / count, step * np.pi * (3 - np.sqrt(5))
+    return np.stack([np.sqrt(1 - y * y) * np.cos(turn), y, np.sqrt(1 - y * y) * np.sin(turn)], axis=-1)

@@ -1,0 +1,123 @@
+"""The plan of an environment keeps what it promises, and spends no more than that takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinbake.atlas import rasterize
+from skinbake.irradiance import light_texels
+from skinbake.irradiance.environment_plan import plan_environment
+from skinbake.irradiance.occluder import Occluder
+from skinbake.scene.lights import EnvironmentLight
+from skinbake.scene.maps import SkinMaps
+from tests.shapes import joined, quad, relief, sphere
+
+SIZE = (96, 64)
+
+
+def sky(**more) -> EnvironmentLight:
+    return EnvironmentLight(**({"name": "sky", "type": "environment", "radiance": (1.0, 0.7, 0.4)} | more))
+
+
+def plan(mesh, light, tolerance=0.01, shadows=True, radiance=None):
+    return plan_environment(light, radiance, mesh, Occluder(mesh), SIZE, shadows, tolerance, 0)
+
+
+def light_one(mesh, light, **options):
+    atlas = rasterize(mesh, SIZE, gutter=2)
+    (result,) = light_texels(atlas, mesh, SkinMaps(), [light], **options)
+    return atlas[0], result
+
+
+def street(contrast: float):
+    """A sky of low frequency with `contrast` of a sun in it."""
+    rows, cols = np.mgrid[:32, :64]
+    image = 1 + 0.5 * np.cos(np.pi * (rows + 0.5) / 32) + 0.2 * np.sin(2 * np.pi * (cols + 0.5) / 64)
+    image[8, 20] += contrast
+    return np.repeat(image[..., None], 3, axis=2).astype(np.float32)
+
+
+def terms(found):
+    return {line.term: line.kept for line in found.lines}
+
+
+def test_a_smooth_sky_takes_harmonics_and_a_sun_the_table():
+    """Order 2 is taken while it is within a quarter of the tolerance, and the light it gives is within that."""
+    mesh, light = sphere(60.0, "cube", 24), sky(radiance=None, path="street.exr")
+    found = {c: plan(mesh, light, radiance=street(c)) for c in (0.0, 1.0, 3000.0)}
+    assert [terms(f)["sky.harmonics"] for f in found.values()] == [True, True, False]
+    assert found[0.0].matrix.size
+    assert not found[0.0].table.size
+    assert found[3000.0].table.size
+    # A stricter tolerance takes the table where the wider one took the harmonics, and they differ by what was promised
+    options = {"environments": {"sky": street(1.0)}, "shadows": False}
+    _, exact = light_one(mesh, light, tolerance=1e-5, **options)
+    _, harmonic = light_one(mesh, light, tolerance=0.01, **options)
+    assert exact.plan["sky"][0].kept is False
+    assert harmonic.plan["sky"][0].kept is True
+    error = np.linalg.norm(harmonic.rgb - exact.rgb) / np.linalg.norm(exact.rgb)
+    assert 0 < error < 0.0025
+
+
+def test_a_convex_body_needs_no_shadow_rays():
+    """A sphere shades itself nowhere: shadows are left out with the number that says so, and E stays pi."""
+    mesh = sphere(60.0, "cube", 24)
+    found = plan(mesh, sky())
+    assert terms(found) == {"sky.harmonics": True, "sky.shadows": False}
+    assert found.samples == 0
+    assert "0.00% rms" in found.lines[1].why
+    raster, result = light_one(mesh, sky())
+    expected = np.where(raster.addressed[..., None], np.pi * np.float32([1, 0.7, 0.4]), 0)
+    np.testing.assert_allclose(result.rgb[0], expected, rtol=1e-5)
+    assert (result.visibility[0][raster.addressed] == 1).all()
+
+
+def test_who_asks_for_shadows_gets_them():
+    """`samples` and the light's own `shadows: true` are not overruled; `shadows: false` has no line."""
+    mesh = sphere(60.0, "cube", 24)
+    assert plan(mesh, sky(samples=37)).samples == 37
+    assert plan(mesh, sky(shadows=True)).samples > 0
+    assert plan(mesh, sky(shadows=False)).samples == 0
+    assert terms(plan(mesh, sky(shadows=False))) == {"sky.harmonics": True}
+    assert terms(plan(mesh, sky(), shadows=False)) == {"sky.harmonics": True}
+
+
+def test_a_small_blocker_is_left_out_only_while_it_is_small():
+    """A lid of 3 % of the skin above a plate is kept; one that shades a part in ten thousand is not."""
+    plate = quad(200.0, 200.0, uv_box=(0, 0, 0.9, 1))
+    large = joined(plate, quad(40.0, 40.0, z_mm=15.0, uv_box=(0.92, 0, 1, 1)))
+    small = joined(plate, quad(1.0, 1.0, z_mm=0.3, uv_box=(0.92, 0, 1, 1)))
+    assert plan(large, sky()).samples > 0
+    assert plan(small, sky()).samples == 0
+
+
+@pytest.mark.parametrize("tolerance", [0.03, 0.01, 0.004])
+def test_shadowed_light_is_within_the_tolerance(tolerance):
+    """Rms error of the light on a lid over a plate, against 4096 directions everywhere, is within what was asked."""
+    mesh = joined(relief(), quad(25.0, 25.0, z_mm=30.0, uv_box=(0.97, 0, 1, 0.03)))
+    raster, ours = light_one(mesh, sky(), tolerance=tolerance)
+    _, exact = light_one(mesh, sky(samples=4096), tolerance=1e-6)
+    weight = np.sqrt(raster.area_mm2[..., None])
+    error = np.linalg.norm((ours.rgb[0] - exact.rgb[0]) * weight) / np.linalg.norm(exact.rgb[0] * weight)
+    assert error < tolerance
+    line = ours.plan["sky"][1]
+    assert line.kept
+    assert "directions" in line.why
+
+
+def test_finer_tolerances_ask_for_more_directions():
+    """Each step to a finer tolerance takes at least as many, from few to many, and never above the most."""
+    mesh = joined(quad(200.0, 200.0, uv_box=(0, 0, 0.9, 1)), quad(90.0, 90.0, z_mm=25.0, uv_box=(0.92, 0, 1, 1)))
+    counts = [plan(mesh, sky(), tolerance).samples for tolerance in (0.1, 0.03, 0.01, 0.003, 1e-5)]
+    assert counts == sorted(counts)
+    assert counts[0] < counts[2] < counts[3]
+    assert counts[-1] == 4096
+    assert "the most there are" in plan(mesh, sky(), 1e-5).lines[1].why
+
+
+def test_a_black_sky_is_black():
+    """Nothing to measure, nothing to trace, nothing that is not finite."""
+    _, result = light_one(quad(), sky(radiance=(0, 0, 0)))
+    assert (result.rgb == 0).all()
+    assert not result.plan["sky"][1].kept
