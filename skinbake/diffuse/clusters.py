@@ -8,7 +8,7 @@ adapts to the local stretch by itself, and costs one pass over the texels.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import islice
 
 import numpy as np
 from numba import njit, prange
@@ -65,9 +65,14 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], levels: 
 
 
 def cut_clusters(
-    tiles: tuple[tuple[TexelPoints, NDArray[np.float32], MomentPyramid], ...], max_spread_mm2: float
+    tiles: tuple[tuple[TexelPoints, NDArray[np.float32], MomentPyramid], ...], max_spread_mm2: float, levels: int
 ) -> NDArray[np.float32]:
     """The widest blocks whose spread is at most `max_spread_mm2` and whose normals agree; single texels elsewhere.
+
+    Parameters
+    ----------
+    levels : int
+        Blocks are at most 2^levels texels wide; 0: every texel alone.
 
     Returns
     -------
@@ -80,7 +85,8 @@ def cut_clusters(
     cuts, count = [], 0
     for points, _, pyramid in tiles:
         taken: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
-        for level in reversed(range(len(pyramid.moments))):
+        levels = min(levels, len(pyramid.moments))
+        for level in reversed(range(levels)):
             moments = pyramid.moments[level]
             now, per_row = np.zeros(moments.shape[:2], np.uint8), np.zeros(len(moments), np.int64)
             _mark(moments, taken, max_spread_mm2, MIN_ALIGNMENT, now, per_row)
@@ -95,7 +101,7 @@ def cut_clusters(
     out = np.empty((count, 8 + channels), np.float32)
     cut = iter(cuts)
     for points, light, pyramid in tiles:
-        for level, now, start in islice(cut, len(pyramid.moments) + 1):
+        for level, now, start in islice(cut, levels + 1):
             if level >= 0:
                 _emit(pyramid.moments[level], pyramid.radiosity[level], now, start, out)
             else:
@@ -109,20 +115,42 @@ def contrast(points: TexelPoints, radiosity: NDArray[np.float32], pyramid: Momen
     The second part, in units of the light around, finds borders of charts and skin that the UVs squeeze or stretch.
     """
     row, col = np.divmod(points.flat_index, points.row.shape[1])
-    means = [radiosity[points.flat_index].sum(axis=1)]
+    changes = np.zeros(len(row), np.float32)
+    fine, fine_index = radiosity, points.flat_index
     for level in (2, 4, 6):
         if level <= len(pyramid.radiosity):
-            means.append(pyramid.radiosity[level - 1][row >> level, col >> level].sum(axis=1))
-    changes = np.zeros(len(row), np.float32)
-    for fine, coarse in pairwise(means):
-        changes += np.abs(fine - coarse)
+            block = pyramid.radiosity[level - 1]
+            coarse, coarse_index = block.reshape(-1, block.shape[2]), (row >> level) * block.shape[1] + (col >> level)
+            _add_changes(fine, fine_index, coarse, coarse_index, changes)
+            fine, fine_index = coarse, coarse_index
     if len(pyramid.moments) >= 2:
-        block = pyramid.moments[1][row >> 2, col >> 2]
-        mean_area = np.maximum(block[:, 0], 1e-12)
-        uneven = np.abs(np.log(np.maximum(points.area_mm2, 1e-12) / (mean_area / 16)))
-        stretched = np.log(np.maximum(12 * block[:, 4] / mean_area, 1))  # a square's spread is a twelfth of its area
-        changes += 0.3 * (np.minimum(uneven, 2) + np.minimum(stretched, 4)) * means[-1]
+        block = pyramid.moments[1]
+        index = (row >> 2) * block.shape[1] + (col >> 2)
+        _add_uneven(points.area_mm2, block.reshape(-1, _MOMENTS), index, fine, fine_index, changes)
     return changes
+
+
+@njit(cache=True, parallel=True)
+def _add_changes(fine, fine_index, coarse, coarse_index, changes):  # type: ignore[no-untyped-def]
+    for k in prange(len(changes)):
+        difference = np.float32(0)
+        for c in range(fine.shape[1]):
+            difference += fine[fine_index[k], c] - coarse[coarse_index[k], c]
+        changes[k] += abs(difference)
+
+
+@njit(cache=True, parallel=True)
+def _add_uneven(area, moments, index, light, light_index, changes):  # type: ignore[no-untyped-def]
+    faint = np.float32(1e-12)
+    for k in prange(len(changes)):
+        mean_area = max(moments[index[k], 0], faint)
+        uneven = abs(np.log(max(area[k], faint) / (mean_area / np.float32(16))))
+        # A square's spread is a twelfth of its area
+        stretched = np.log(max(np.float32(12) * moments[index[k], 4] / mean_area, np.float32(1)))
+        around = np.float32(0)
+        for c in range(light.shape[1]):
+            around += light[light_index[k], c]
+        changes[k] += np.float32(0.3) * (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
 
 
 @njit(cache=True, parallel=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, signed_uv_area, tile_origin
@@ -62,14 +62,16 @@ def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float, extend: 
     face_mm2 = safe_div(mesh.face_area_mm2, np.abs(signed_uv_area(mesh)) * width * height)
     shorter_mm2 = np.minimum(_smaller_stretch2(mesh, width, height), face_mm2)
     row = np.full((height, width), -1, dtype=np.int32)
-    count = int(np.count_nonzero(raster.addressed))
+    per_row = np.count_nonzero(raster.addressed, axis=1)
+    count = int(per_row.sum())
     flat = np.empty(count, dtype=np.int32)
     position, normal = np.empty((count, 3), dtype=np.float32), np.empty((count, 3), dtype=np.float32)
     area, texel_mm2 = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     _points(
         raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage, corner_xy,
         mesh.corner_position_mm - centre_mm, mesh.corner_normal, face_mm2, shorter_mm2,
-        MAX_BEYOND_TEXELS if extend else 0.0, row, flat, position, normal, area, texel_mm2,
+        MAX_BEYOND_TEXELS if extend else 0.0, np.cumsum(per_row) - per_row,
+        row, flat, position, normal, area, texel_mm2,
     )  # fmt: skip
     if count:
         np.minimum(texel_mm2, texel_mm2[area > 0].max(initial=0.0), out=texel_mm2)
@@ -82,14 +84,14 @@ def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
     return 0.5 * (e + h - np.hypot(e - h, 2 * f))
 
 
-@njit(cache=True)
+@njit(cache=True, parallel=True)
 def _points(  # type: ignore[no-untyped-def]
     face_index, barycentric, area_mm2, coverage, corner_xy, corner_mm, corner_normal, face_mm2, shorter_mm2, beyond,
-    row_out, flat, position, normal, area, texel_mm2,
+    start, row_out, flat, position, normal, area, texel_mm2,
 ):  # fmt: skip
     height, width = face_index.shape
-    n = 0
-    for row in range(height):
+    for row in prange(height):
+        n = start[row]
         for col in range(width):
             f = face_index[row, col]
             if f < 0:

@@ -63,7 +63,7 @@ class SurfaceLight:
     @cached_property
     def texels(self) -> SourceRows:
         """Every texel that has area, its area as the amplitude: sources of the narrowest lobes and of the reference."""
-        singles = cut_clusters(self.tiles, -1.0)
+        singles = cut_clusters(self.tiles, 0.0, 0)
         singles[:, NARROWING] = 1
         return sort_into_rows(singles, 2 * np.sqrt(max(self.mean_texel_mm2, 1e-12)))
 
@@ -113,7 +113,9 @@ def lobe_sources(
     if max_spread < light.mean_texel_mm2 / 16:  # a quarter of the spread of four texels: most would stand alone
         rows = light.texels
     else:
-        clusters = cut_clusters(light.tiles, max_spread)
+        # Wider blocks than four times the limit are rare enough to be left as several clusters
+        levels = int(np.log2(4 * np.sqrt(12 * max_spread / light.mean_texel_mm2))) + 1
+        clusters = cut_clusters(light.tiles, max_spread, levels)
         clusters[:, NARROWING] = np.float32(variance_mm2) / (np.float32(variance_mm2) - clusters[:, NARROWING])
         clusters[:, AMPLITUDE] *= clusters[:, NARROWING]
         rows = sort_into_rows(clusters, cut * np.sqrt(variance_mm2) / 3)

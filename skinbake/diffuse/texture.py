@@ -8,10 +8,11 @@ used: the discrete Gaussian, THEORY (5.6).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
@@ -172,38 +173,52 @@ def texture_at(
     out = np.zeros((len(probes), 3 * lights))
     for k, pyramid in enumerate(pyramids):
         mine = np.flatnonzero(probes.tile == k)
-        image = pyramid.level(level)
         size = level_size(pyramid.levels[0].shape[:2], level)
-        full = pyramid.levels[0].shape
-        rows = _between(level_kernel(pyramid, variance_texels2, level, 0), level)
-        cols = _between(level_kernel(pyramid, variance_texels2, level, 1), level)
-        for p in mine:
-            row, col = divmod(int(probes.flat_index[p]), full[1])
-            y0, wy = rows((row + 0.5) * size[0] / full[0] - 0.5 + level_margin(level))
-            x0, wx = cols((col + 0.5) * size[1] / full[1] - 0.5 + level_margin(level))
-            ys, xs = slice(max(y0, 0), y0 + len(wy)), slice(max(x0, 0), x0 + len(wx))
-            window = image[ys, xs].astype(np.float64)
-            wy = wy[max(-y0, 0) :][: window.shape[0]]
-            wx = wx[max(-x0, 0) :][: window.shape[1]]
-            summed = np.einsum("i,ijc,j->c", wy, window, wx)
-            out[p] = summed[:-1] / summed[-1] if summed[-1] > _NO_COVERAGE * wy.max() * wx.max() else 0.0
+        full = pyramid.levels[0].shape[:2]
+        image = pyramid.level(level)
+        texel = np.divmod(probes.flat_index[mine], full[1])
+        first, which, weights = [], [], []
+        for axis in (0, 1):
+            at = (texel[axis] + 0.5) * size[axis] / full[axis] - 0.5 + level_margin(level)
+            # Few different places between texels, as a rule: two at each level
+            between, index = np.unique(at - np.rint(at), return_inverse=True)
+            kernels = _between(level_kernel(pyramid, variance_texels2, level, axis), between)
+            first.append(np.rint(at).astype(np.int64) - kernels.shape[1] // 2)
+            which.append(index)
+            weights.append(kernels)
+        values = np.zeros((len(mine), 3 * lights))
+        _weighted_windows(image, first[0], first[1], which[0], which[1], weights[0], weights[1], _NO_COVERAGE, values)
+        out[mine] = values
     return out
 
 
-def _between(half: Float, level: int) -> Callable[[float], tuple[int, Float]]:
-    """Weights of a level's kernel around any position, from its half kernel at whole texels."""
+def _between(half: Float, offset: Float) -> Float:
+    """Weights of a level's kernel `offset` texels from the middle of its taps, from its half kernel at whole ones."""
     full = np.concatenate([half[:0:-1], half])
-    reach = len(half) - 1
-    if level == 0:
-        return lambda at: (round(at) - reach, full)
-    n = 4 * len(full)
-    spectrum = np.fft.rfft(np.roll(np.pad(full, (0, n - len(full))), -reach))
-    frequency = np.fft.rfftfreq(n)
+    if not offset.any():
+        return np.broadcast_to(full, (len(offset), len(full))).copy()
+    reach, n = len(half) + 1, 4 * len(full)
+    spectrum = np.fft.rfft(np.roll(np.pad(full, (0, n - len(full))), 1 - len(half)))
+    turn = np.exp(-2j * np.pi * np.fft.rfftfreq(n) * offset[:, None])
+    shifted: Float = np.roll(np.fft.irfft(spectrum * turn, n), reach, axis=1)[:, : 2 * reach + 1]
+    return shifted
 
-    def around(at: float) -> tuple[int, Float]:
-        nearest = round(at)
-        shifted = np.fft.irfft(spectrum * np.exp(-2j * np.pi * frequency * (at - nearest)), n)
-        weights = np.roll(shifted, reach + 2)[: 2 * reach + 5]
-        return nearest - reach - 2, weights
 
-    return around
+@njit(cache=True, parallel=True)
+def _weighted_windows(  # type: ignore[no-untyped-def]
+    image, first_y, first_x, which_y, which_x, weights_y, weights_x, no_coverage, out
+):
+    height, width, channels = image.shape
+    for p in prange(len(out)):
+        wy, wx = weights_y[which_y[p]], weights_x[which_x[p]]
+        total = np.zeros(channels)
+        line = np.zeros(channels)
+        for i in range(max(-first_y[p], 0), min(len(wy), height - first_y[p])):
+            line[:] = 0.0
+            for j in range(max(-first_x[p], 0), min(len(wx), width - first_x[p])):
+                for c in range(channels):
+                    line[c] += wx[j] * image[first_y[p] + i, first_x[p] + j, c]
+            total += wy[i] * line
+        if total[-1] > no_coverage * wy.max() * wx.max():
+            for c in range(channels - 1):
+                out[p, c] = total[c] / total[-1]
