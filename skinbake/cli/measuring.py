@@ -189,7 +189,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     irradiance = pipeline.light_skin(spec, scene, atlas)
     exponent = np.float32(spec.texturing.exponent_before)
     source = [
-        (tile.rgb.sum(axis=0, keepdims=True) * pipeline.albedo_of(scene.maps, raster, scene.mesh) ** exponent)
+        (tile.total[None] * pipeline.albedo_of(scene.maps, raster, scene.mesh) ** exponent)
         for tile, raster in zip(irradiance, atlas, strict=True)
     ]
     del irradiance

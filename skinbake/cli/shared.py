@@ -7,7 +7,6 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster
 from skinbake.io.cache import Entry
@@ -39,9 +38,8 @@ def light_entries(maps: Sequence[IrradianceMap], precision: str) -> dict[str, En
     entries: dict[str, Entry] = {name: {} for name in maps[0].lights}
     for tile in maps:
         for i, name in enumerate(tile.lights):
-            rgb = as_stored(tile.rgb[i : i + 1], precision)[0]
-            visibility = as_stored(tile.visibility[i][None, ..., None], precision)[0, ..., 0]
-            entries[name] |= {f"{tile.tile}.rgb": _packed(rgb), f"{tile.tile}.visibility": _packed(visibility)}
+            entries[name][f"{tile.tile}.rgb"] = as_stored(tile.rgb[i], precision)
+            entries[name][f"{tile.tile}.visibility"] = as_stored(tile.visibility[i][..., None], precision)[..., 0]
             if name in tile.plan:
                 entries[name]["plan"] = np.frombuffer(plan_text(tile.plan[name]).encode(), np.uint8)
     return entries
@@ -58,21 +56,14 @@ def merged_lights(
         if "plan" in entry:
             plan[name] = plan_of_text(entry["plan"].tobytes().decode())
     for k, raster in enumerate(atlas):
-        rgb = np.empty((len(names), *raster.shape, 3), np.float32)
-        visibility = np.empty((len(names), *raster.shape), np.float32)
-        for i, name in enumerate(names):
+        rgb, visibility = [], []
+        for name in names:
             if name in found:
-                rgb[i], visibility[i] = found[name][f"{raster.tile}.rgb"], found[name][f"{raster.tile}.visibility"]
+                rgb.append(found[name][f"{raster.tile}.rgb"])
+                visibility.append(found[name][f"{raster.tile}.visibility"])
             else:
                 j = kept[k].lights.index(name)
-                rgb[i], visibility[i] = kept[k].rgb[j], kept[k].visibility[j]
-        tiles.append(IrradianceMap(raster.tile, names, rgb, visibility, raster.coverage, plan))
+                rgb.append(kept[k].rgb[j])
+                visibility.append(kept[k].visibility[j])
+        tiles.append(IrradianceMap(raster.tile, names, np.stack(rgb), np.stack(visibility), raster.coverage, plan))
     return tuple(tiles)
-
-
-def _packed(values: NDArray[np.float32]) -> NDArray[np.floating]:
-    """As half floats where that loses nothing."""
-    if np.abs(values).max(initial=0.0) > np.finfo(np.float16).max:
-        return values
-    half = values.astype(np.float16)
-    return half if np.array_equal(half.astype(np.float32), values) else values

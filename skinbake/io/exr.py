@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write
 
-HALF_MAX = 65504.0
 HALF_FAINT = (
     1.0 / 64
 )  # a channel all below this would lose digits to half's subnormals (6e-5) within 8 stops of its top
@@ -36,9 +35,9 @@ class Part:
         return np.stack([np.asarray(self.channels[c], dtype=np.float32) for c in "RGB"], axis=-1)
 
 
-def rgb_channels(image: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
-    """Split (H, W, 3) into contiguous R, G, B."""
-    return {c: np.ascontiguousarray(image[..., i]) for i, c in enumerate("RGB")}
+def rgb_channels(image: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Views of (H, W, 3) as R, G, B."""
+    return {c: image[..., i] for i, c in enumerate("RGB")}
 
 
 def write_parts(
@@ -50,14 +49,16 @@ def write_parts(
 ) -> None:
     """Write `parts` as one EXR with `attributes` in every part's header.
 
-    With `precision="half"`, a channel whose values pass 65504, or are all so faint that half would lose their digits,
-    is written as float instead.
+    Blocks of rows are compressed on as many threads as numba has; the bytes do not depend on how many. With
+    `precision="half"`, a channel whose values pass 65504, or are all so faint that half would lose their digits, is
+    written as float instead.
 
     Raises
     ------
     InputError
         A value is NaN or infinite; the message names part, channel and texel.
     """
+    import numba
     import OpenEXR
 
     codec = {
@@ -73,36 +74,59 @@ def write_parts(
         header |= {"type": OpenEXR.scanlineimage, "compression": codec}
         channels = {name: _stored(path, part.name, name, values, precision) for name, values in part.channels.items()}
         made.append(OpenEXR.Part(header, channels, part.name))
+    threads = numba.get_num_threads()
+    OpenEXR.set_global_thread_count(threads if threads > 1 else 0)  # one would only be waited for
     with atomic_write(path) as temporary:
         OpenEXR.File(made).write(str(temporary))
 
 
 def _stored(path: Path | str, part: str, name: str, values: NDArray[Any], precision: str) -> NDArray[Any]:
-    top = np.abs(values).max(initial=0.0)  # one pass: NaN and infinity both show here
-    if not np.isfinite(top):
-        row, column = np.argwhere(~np.isfinite(values))[0]
+    """A channel as the file will hold it, contiguous."""
+    half = _as_half(values)
+    if precision == "half" and _keeps_digits(values, half):
+        return half
+    finite = np.isfinite(values)
+    if not finite.all():
+        row, column = np.argwhere(~finite)[0]
         raise InputError(
             f"{path}: part {part}, channel {name}: expected finite values, "
             f"got {values[row, column]} at column {column}, row {row}"
         )
-    return np.ascontiguousarray(values, dtype=np.float16 if _fits_half(top, precision) else np.float32)
+    return np.ascontiguousarray(values, dtype=np.float32)
 
 
-def _fits_half(top: float, precision: str) -> bool:
-    """Whether a channel whose largest value is `top` keeps its three digits in half, shadows included."""
-    return precision == "half" and (top == 0 or HALF_FAINT <= top <= HALF_MAX)
+def _as_half(values: NDArray[Any]) -> NDArray[np.float16]:
+    with np.errstate(over="ignore"):
+        return np.asarray(values, dtype=np.float16, order="C")
 
 
-def as_stored(values: NDArray[np.float32], precision: str) -> NDArray[np.float32]:
-    """`values` of shape (..., H, W, 3) as a file gives them back: each channel rounded as `write_parts` would."""
+def _keeps_digits(values: NDArray[Any], half: NDArray[np.float16]) -> bool:
+    """Whether a channel keeps its three digits in half, shadows included; False where a value is not finite."""
+    bits = half.view(np.int16)  # integers compare fast, and in the order of the magnitudes; the sign is the top bit
+    top = max(int(bits.max(initial=0)), int(bits.view(np.uint16).max(initial=0)) & 0x7FFF)
+    if top == 0:
+        return not values.any()  # or it was too faint for half
+    return HALF_FAINT <= float(np.uint16(top).view(np.float16)) < np.inf
+
+
+def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
+    """`values` of shape (..., H, W, C) as a file gives them back: each channel rounded as `write_parts` would.
+
+    Returns
+    -------
+    ndarray of the same shape
+        float16 where every channel is stored as such, else float32.
+    """
     if precision != "half":
         return values
-    out = values.copy()
-    for index in np.ndindex(values.shape[:-3]):
-        for c in range(values.shape[-1]):
-            channel = values[index][..., c]
-            if _fits_half(float(np.abs(channel).max(initial=0.0)), precision):
-                out[index][..., c] = channel.astype(np.float16)
+    half = _as_half(values)
+    channels = [(*index, ..., c) for index in np.ndindex(values.shape[:-3]) for c in range(values.shape[-1])]
+    wide = [channel for channel in channels if not _keeps_digits(values[channel], half[channel])]
+    if not wide:
+        return half
+    out = half.astype(np.float32)
+    for channel in wide:
+        out[channel] = values[channel]
     return out
 
 

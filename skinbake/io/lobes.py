@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, MeasuredError, PlanLine
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.io.exr import Part, read_attributes, rgb_channels, write_parts
 from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
 
 
@@ -106,8 +105,3 @@ def _header(path: Path) -> dict[str, Any]:
         return read_attributes(path).get(TOTAL, {})
     except InputError:
         return {}
-
-
-def read_lobe(path: Path) -> dict[str, NDArray[np.float32]]:
-    """Part name ("irradiance", "light.<name>") to (h, w, 3) float32."""
-    return {name: part.rgb for name, part in read_parts(path).items()}

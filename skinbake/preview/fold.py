@@ -52,7 +52,7 @@ class FoldedLobes:
                 folded = self._textures[tile, name]
                 GL.glFramebufferTextureLayer(GL.GL_FRAMEBUFFER, GL.GL_COLOR_ATTACHMENT0, folded, 0, 0)
                 GL.glViewport(0, 0, width, height)
-                GL.glBindTexture(GL.GL_TEXTURE_2D_ARRAY, textures.samplers[name])
+                GL.glBindTexture(GL.GL_TEXTURE_2D_ARRAY, textures.texture(name))
                 GL.glDrawArrays(GL.GL_TRIANGLES, 0, 3)
         GL.glBindVertexArray(0)
         shader._unbind()

@@ -202,13 +202,13 @@ class SkinRenderer(Renderer):
 
     def _bind_and_draw_primitive(self, primitive: Any, pose: Float, program: Any, flags: int) -> None:
         tile = self._tile_of[primitive]
-        samplers = self._textures[tile].samplers
-        if self._uses_fold():
-            samplers = samplers | self._folded.samplers(tile)
-        for unit, (name, texture) in enumerate(samplers.items()):
+        textures = self._textures[tile]
+        folded = self._folded.samplers(tile) if self._uses_fold() else {}
+        for unit, name in enumerate(textures.names):
             location = self._location(program, name)
-            if location >= 0:
+            if location >= 0:  # else this variant of the shader does not read it
                 GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
+                texture = folded[name] if name in folded else textures.texture(name)
                 GL.glBindTexture(GL.GL_TEXTURE_2D_ARRAY, texture)
                 GL.glUniform1i(location, unit)
         GL.glDisable(GL.GL_BLEND)

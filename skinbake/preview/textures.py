@@ -85,13 +85,20 @@ def _bilinear_texture() -> int:
 
 
 class TileTextures:
-    """Every texture of one UDIM tile, by the sampler's name in the shader, in the order of their units."""
+    """Textures of one UDIM tile by the sampler's name in the shader, each sent when something first reads it.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Samplers in the order of their units.
+    lobe_sizes : dict of str to (width, height)
+    """
 
     def __init__(self, scene: PreviewScene, tile: int, oil_albedo: int) -> None:
         maps = scene.maps
         lobes = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
         self.lobe_sizes = {name: (image.shape[2], image.shape[1]) for name, image in lobes.items()}
-        images: dict[str, NDArray[np.floating]] = lobes | {
+        self._images: dict[str, NDArray[np.floating]] = lobes | {
             "irradiance": scene.irradiance[tile],
             "visibility": scene.visibility[tile][..., None],
             # A missing map is one texel of its constant
@@ -100,13 +107,23 @@ class TileTextures:
             "roughness_map": maps.roughness.get(tile, np.full((1, 1), scene.specular.roughness))[None, ..., None],
             "specular_map": maps.specular.get(tile, np.ones((1, 1)))[None, ..., None],
         }
-        self._own = {name: upload(image) for name, image in images.items()}
-        self.samplers = {**self._own, "oil_albedo": oil_albedo}
+        self._own: dict[str, int] = {}
+        self._shared = {"oil_albedo": oil_albedo}
+        self.names = (*self._images, *self._shared)
         self.has_normal_map = tile in maps.normal
+
+    def texture(self, name: str) -> int:
+        """The texture of a sampler; sending it binds it to the active unit."""
+        if name in self._shared:
+            return self._shared[name]
+        if name not in self._own:
+            self._own[name] = upload(self._images[name])
+        return self._own[name]
 
     def delete(self) -> None:
         """Free what this tile alone holds."""
         GL.glDeleteTextures(list(self._own.values()))
+        self._own = {}
 
 
 def upload_oil_albedo() -> int:

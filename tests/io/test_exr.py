@@ -1,6 +1,7 @@
 import hashlib
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from skinbake.errors import InputError
@@ -62,13 +63,29 @@ def test_nothing_that_is_not_finite_is_written(tmp_path, value):
     assert [p.name for p in tmp_path.iterdir()] == ["a.exr"]
 
 
-def test_bytes_are_reproducible(tmp_path):
-    """The same image gives the same file, with no date in it."""
+@pytest.mark.parametrize("compression", ["zip", "piz"])
+def test_bytes_are_reproducible(tmp_path, monkeypatch, compression):
+    """The same image gives the same file, with no date in it, on any number of threads."""
     digests = set()
-    for name in ("a.exr", "b.exr"):
-        write_parts(tmp_path / name, [part(), part(IMAGE, "light.key")], {"skinbake:version": "x"})
-        digests.add(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
+    for threads in (1, 1, 2, 5):
+        monkeypatch.setattr("numba.get_num_threads", lambda threads=threads: threads)
+        write_parts(
+            tmp_path / "a.exr", [part(), part(IMAGE, "light.key")], {"skinbake:version": "x"}, "half", compression
+        )
+        assert OpenEXR.global_thread_count() == (threads if threads > 1 else 0)
+        digests.add(hashlib.sha256((tmp_path / "a.exr").read_bytes()).hexdigest())
     assert len(digests) == 1
+
+
+def test_a_channel_may_be_a_view_of_anything(tmp_path):
+    """Of a colour image, turned, mirrored, already half, negative, or all zero."""
+    half = IMAGE.astype(np.float16)
+    channels = {"R": IMAGE[..., 1], "G": -IMAGE[::-1, ::-1, 0], "B": half[..., 2], "A": np.zeros((37, 53))}
+    write_parts(tmp_path / "a.exr", [Part("", channels)])
+    read = read_parts(tmp_path / "a.exr")[""].channels
+    for name, values in channels.items():
+        assert read[name].dtype == np.float16
+        np.testing.assert_array_equal(read[name], np.asarray(values, np.float16))
 
 
 @pytest.mark.parametrize("keep", [0, 3, 200, 3000, 0.5, 0.9, -1])
