@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.metric import first_fundamental_form
 from skinbake.atlas.raster import NO_FACE, Atlas
 from skinbake.atlas.rasterize import signed_uv_area, tile_origin
+from skinbake.errors import InputError
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
-SPOILT_SHARE = 0.01  # of the skin's area, lost or doubled in UV, above which a bake is not worth starting
+SPOILT_SHARE = 0.01  # of the skin's area, without a texel of its own, above which a bake is not worth starting
 GOOD, OVERLAP, FLIPPED, OUTSIDE = 0, 1, 2, 3
 
 
@@ -38,7 +39,10 @@ class UvReport:
     overlapping, flipped, degenerate, outside : int
         Sharing texels with another triangle; turned against the majority; without UV area though with skin; with UVs
         outside [0, 1] (or left of the UDIM tiles).
-    overlapping_share, degenerate_share, outside_share : float
+    overlapping_share : float
+        Of the skin that has no texel of its own because another triangle shows there, not of whole triangles: scans
+        have charts that touch by a texel.
+    degenerate_share, outside_share : float
     face_kind : ndarray of shape (F,), uint8
         GOOD, OVERLAP, FLIPPED or OUTSIDE, for a picture.
     """
@@ -78,8 +82,8 @@ class UvReport:
             )
         if self.overlapping_share > SPOILT_SHARE:
             found.append(
-                f"{self.overlapping} triangles ({self.overlapping_share:.1%} of the skin) share texels with others:"
-                " mirrored or stacked charts cannot hold two lightings, give each its own place"
+                f"{self.overlapping} triangles share texels with others ({self.overlapping_share:.1%} of the skin is"
+                " hidden): mirrored or stacked charts cannot hold two lightings, give each its own place"
             )
         return tuple(found)
 
@@ -94,13 +98,13 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
     degenerate = ~drawn & (area > 1e-12 * total)
 
     outside = drawn.copy()
-    overlapping = np.zeros(len(area), np.bool_)
+    overlapping, hidden = np.zeros(len(area), np.bool_), np.zeros(len(area), np.int64)
     for raster in atlas:
         origin = np.asarray(tile_origin(raster.tile))
         local = mesh.corner_uv - origin
         outside &= (local < -1e-6).any(axis=(1, 2)) | (local > 1 + 1e-6).any(axis=(1, 2))
         corner_xy = np.stack([local[..., 0] * width, (1 - local[..., 1]) * height], axis=-1)
-        _mark_overlaps(corner_xy, uv_area != 0, raster.face_index, overlapping)
+        _mark_overlaps(corner_xy, uv_area != 0, raster.face_index, overlapping, hidden)
 
     kind = np.full(len(area), GOOD, np.uint8)
     kind[flipped] = FLIPPED
@@ -124,7 +128,7 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
         flipped=int(flipped.sum()),
         degenerate=int(degenerate.sum()),
         outside=int(outside.sum()),
-        overlapping_share=float(area[overlapping].sum() / total),
+        overlapping_share=float((hidden * element).sum() / total),
         degenerate_share=float(area[degenerate].sum() / total),
         outside_share=float(area[outside].sum() / total),
         face_kind=kind,
@@ -164,13 +168,29 @@ def _closure(mesh: SkinMesh) -> tuple[int, bool]:
     return open_edges, bool(closed_enough and volume < 0)
 
 
-@njit(cache=True)
+def refuse_spoilt(report: UvReport, path: str) -> None:
+    """Stop before a bake that could not be used.
+
+    Raises
+    ------
+    InputError
+        Every fault with its remedy, a line each.
+    """
+    if report.faults:
+        raise InputError("\n".join(f"{path}: {fault}" for fault in report.faults))
+
+
+@njit(cache=True, parallel=True)
 def _mark_overlaps(
-    corner_xy: Float, drawn: NDArray[np.bool_], face_index: NDArray[np.int32], marked: NDArray[np.bool_]
+    corner_xy: Float,
+    drawn: NDArray[np.bool_],
+    face_index: NDArray[np.int32],
+    marked: NDArray[np.bool_],
+    hidden: NDArray[np.int64],
 ) -> None:
-    """Mark faces that hold a texel's centre which another face shows, and that other face."""
+    """Mark faces that hold a texel's centre which another face shows, and that other; count such texels by face."""
     height, width = face_index.shape
-    for f in range(len(corner_xy)):
+    for f in prange(len(corner_xy)):
         if not drawn[f]:
             continue
         x0, y0 = corner_xy[f, 0, 0], corner_xy[f, 0, 1]
@@ -180,12 +200,13 @@ def _mark_overlaps(
         for row in range(max(int(min(y0, y1, y2)), 0), min(int(max(y0, y1, y2)) + 1, height)):
             for col in range(max(int(min(x0, x1, x2)), 0), min(int(max(x0, x1, x2)) + 1, width)):
                 other = face_index[row, col]
-                if other in (f, NO_FACE):
+                if other == f or other == NO_FACE:  # noqa: SIM109  (numba knows no `in` here)
                     continue
                 x, y = col + 0.5, row + 0.5
                 b1 = ((x - x0) * (y2 - y0) - (y - y0) * (x2 - x0)) / total
                 b2 = ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / total
                 # Well inside: a centre on a shared edge belongs to both neighbours
                 if b1 > 1e-6 and b2 > 1e-6 and b1 + b2 < 1 - 1e-6:
+                    hidden[f] += 1
                     marked[f] = True
                     marked[other] = True

@@ -45,8 +45,7 @@ def bake_look(
     start = time.perf_counter()
     stages = Stages(spec, force, verbosity, workshop)
     stages.say(f"baking into {stages.out}")
-    if stages.stale_lights() is not None:
-        stages.scene  # noqa: B018  (read first: bad input is told before anything is written)
+    stages.refuse_spoilt()
     with stages.locked():
         gaussians = stages.profile()
         irradiance = stages.irradiance()

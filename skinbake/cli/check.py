@@ -10,6 +10,7 @@ import click
 from skinbake.cli.options import config_argument, json_option, quiet_option, set_option
 
 if TYPE_CHECKING:
+    from skinbake.atlas.report import UvReport
     from skinbake.scene.spec import SceneSpec
 
 PICTURE = "uv_check.png"
@@ -25,11 +26,11 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     """Report on units, texels, UVs, maps, memory, time and file sizes of CONFIG. Exit 2 on what would spoil a bake."""
     import json
 
-    from skinbake.errors import InputError
+    from skinbake.atlas.report import refuse_spoilt
     from skinbake.io.config import load_look
 
     spec = load_look(config, overrides)
-    report, pictures, faults = examine(spec)
+    report, pictures, uv = examine(spec)
     if out is not None:
         from skinbake.io.image import write_png
 
@@ -38,15 +39,14 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
             write_png(Path(out) / name, picture)
             report["pictures"] = [*report.get("pictures", []), str(Path(out) / name)] if i else [str(Path(out) / name)]
     if as_json:
-        click.echo(json.dumps(report | {"faults": faults}, indent=1))
+        click.echo(json.dumps(report | {"faults": uv.faults}, indent=1))
     elif verbosity:
         click.echo(readable(report))
-    if faults:
-        raise InputError("\n".join(f"{spec.mesh.path}: {fault}" for fault in faults))
+    refuse_spoilt(uv, spec.mesh.path)
 
 
-def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], list[str]]:
-    """The report as a mapping, a picture for each tile, and the faults that would spoil a bake."""
+def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvReport]:
+    """The report as a mapping, a picture for each tile, and what the report says of the UVs."""
     from skinbake.atlas.report import report_picture, uv_report
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
@@ -93,7 +93,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], lis
         "expected": expected(spec, len(atlas), len(gaussians.variance_mm2)),
     }
     tiles = [raster.tile for raster in atlas]
-    return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), list(uv.faults)
+    return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), uv
 
 
 def expected(spec: SceneSpec, tiles: int, lobes: int) -> dict[str, float]:

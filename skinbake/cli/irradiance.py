@@ -19,6 +19,7 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], force: boo
     from skinbake.io.config import load_look
 
     stages = Stages(load_look(config, overrides, out), force, verbosity)
+    stages.refuse_spoilt()
     with stages.locked():
         stages.irradiance()
     print(stages.out / "irradiance.exr")

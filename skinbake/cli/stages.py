@@ -14,6 +14,7 @@ from typing import Any
 import skinbake
 from skinbake import pipeline
 from skinbake.atlas import Atlas
+from skinbake.atlas.report import refuse_spoilt, uv_report
 from skinbake.cli.keys import blur_key, profile_key, raster_key
 from skinbake.cli.look_folder import FIT_FILES, LookFolder
 from skinbake.cli.shared import atlas_entry, atlas_of_entry, light_entries, merged_lights
@@ -53,6 +54,17 @@ class Stages(LookFolder):
             return atlas_of_entry(found["raster"])
 
         return self.workshop.last("atlas", key, make)
+
+    def refuse_spoilt(self) -> None:
+        """Read what is new and stop at what would spoil the bake, before anything is written.
+
+        Raises
+        ------
+        InputError
+            A file that cannot be used, or UVs whose faults `check` reports.
+        """
+        if self.stale_lights() is not None:
+            refuse_spoilt(uv_report(self.scene.mesh, self.atlas), self.spec.mesh.path)
 
     @property
     def header(self) -> dict[str, Any]:

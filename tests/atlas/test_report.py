@@ -25,12 +25,12 @@ def test_a_clean_sphere_has_no_faults(layout):
     assert report.faults == ()
 
 
-def test_overlap_share_is_the_shared_area():
-    """Two quads that share a third of their UVs: both count wholly as triangles, and the share says so."""
+def test_overlap_share_is_the_hidden_area():
+    """Two quads that share a third of their UVs: all triangles count, a sixth of the skin has no texel of its own."""
     mesh = joined(quad(100, 100, uv_box=(0, 0, 0.6, 1)), quad(100, 100, 50, uv_box=(0.4, 0, 1, 1)))
     report, atlas = reported(mesh)
     assert report.overlapping == 4
-    assert report.overlapping_share == pytest.approx(1)
+    assert report.overlapping_share == pytest.approx(1 / 6)
     assert any("share texels" in fault for fault in report.faults)
     (picture,) = report_picture(report, atlas)
     assert picture.shape == (60, 80, 3)

@@ -9,6 +9,7 @@ import pytest
 
 from skinbake.cli import run
 from skinbake.io.mesh import write_obj
+from tests.conftest import ROOT
 from tests.shapes import quad, sphere
 
 LOOK = """
@@ -58,13 +59,23 @@ def test_overlaps_spoil_a_bake_and_are_pictured(tmp_path, capsys):
     from tests.shapes import joined
 
     stacked = joined(quad(240, 200, uv_box=(0, 0, 0.5, 1)), quad(240, 200, 30, uv_box=(0.25, 0, 0.75, 1)))
-    assert run(["check", look(tmp_path, stacked), "--out", str(tmp_path / "report")]) == 2
+    path = look(tmp_path, stacked)
+    assert run(["check", path, "--out", str(tmp_path / "report")]) == 2
     message = capsys.readouterr().err
-    assert "share texels with others" in message
+    assert "share texels with others (25.0% of the skin is hidden)" in message
+    assert_refused(path, tmp_path, capsys, message)
     picture = read_map(tmp_path / "report" / "uv_check.png", 3, "linear")
     assert picture.shape == (64, 96, 3)
     red = (picture[..., 0] > 0.8) & (picture[..., 1] < 0.2)
     assert red[:, 25:47].mean() > 0.95
+
+
+def assert_refused(path, folder, capsys, message):
+    """`bake` and `irradiance` end as `check` does, with the same words, before they have made so much as a folder."""
+    for verb in (["bake", "--no-preview"], ["irradiance"]):
+        assert run([*verb, path, "--quiet"]) == 2
+        assert capsys.readouterr().err == message
+        assert not (folder / "out").exists()
 
 
 @pytest.mark.parametrize(
@@ -79,9 +90,48 @@ def test_overlaps_spoil_a_bake_and_are_pictured(tmp_path, capsys):
     ],
 )
 def test_what_would_spoil_a_bake_is_refused(tmp_path, capsys, spoil, message):
-    """Charts outside the texture, without area, and a mesh turned inside out: exit 2 with the remedy."""
-    assert run(["check", look(tmp_path, spoil(sphere(100.0, "cube", 16)))]) == 2
-    assert message in capsys.readouterr().err
+    """Charts outside the texture, without area, and a mesh turned inside out: exit 2 with the remedy, `bake` too."""
+    path = look(tmp_path, spoil(sphere(100.0, "cube", 16)))
+    assert run(["check", path]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert_refused(path, tmp_path, capsys, said)
+
+
+def test_charts_that_touch_by_a_texel_do_not_spoil(tmp_path, capsys):
+    """Two big quads that overlap by a texel are counted whole but hide little, and are baked."""
+    from tests.shapes import joined
+
+    touching = joined(quad(120, 200, uv_box=(0, 0, 0.505, 1)), quad(120, 200, 30, uv_box=(0.495, 0, 1, 1)))
+    path, wide = look(tmp_path, touching), ["--set", "texture.size=[300, 64]"]
+    assert run(["check", path, "--json", *wide]) == 0
+    uv = json.loads(capsys.readouterr().out)["uv"]
+    assert uv["overlapping"] == 4
+    assert 0 < uv["overlapping_share"] < 0.01
+    assert run(["bake", path, "--quiet", "--no-preview", "--set", "diffusion.tolerance=1", *wide]) == 0
+
+
+HEADS = {
+    "sample head": ("data/head.obj", 1.0, False),
+    "Lee Perry-Smith": ("../shared/assets/lee_perry_smith/head.obj", 50.35, False),
+    "ICT": ("../shared/assets/ict_facekit/ict_face_head_two_tiles.obj", 10.0, True),
+    "canonical face": ("../shared/assets/mediapipe_canonical_face/canonical_face_model.obj", 10.0, False),
+}
+
+
+@pytest.mark.parametrize("size", [64, 1024])
+@pytest.mark.parametrize("head", HEADS)
+def test_real_heads_are_not_refused(head, size):
+    """Scans and templates have a few flips, slivers and touching charts: none of that spoils a bake, at any size."""
+    from skinbake.atlas import rasterize
+    from skinbake.atlas.report import uv_report
+    from skinbake.io.mesh import read_mesh
+
+    name, mm_per_unit, udim = HEADS[head]
+    if not (ROOT / name).exists():
+        pytest.skip(f"{name} is not here")
+    mesh = read_mesh(ROOT / name, mm_per_unit)
+    assert uv_report(mesh, rasterize(mesh, (size, size), 4, udim)).faults == ()
 
 
 def test_flipped_triangles_are_only_reported(tmp_path, capsys):
