@@ -6,8 +6,12 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-_ROWS = 32
-_RUN = 512
+from skinbake.diffuse.lanes import LANES, load, splat, store
+
+_ROWS = 16
+_CHUNK = 64  # rows that share their scratch memory
+_STRIP = 512
+_ZERO = np.float32(0)
 
 
 @njit(cache=True, parallel=True)
@@ -41,77 +45,74 @@ def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out):  # t
     height, width, channels = image.shape
     lights = (channels - 1) // 3
     n = width * channels
+    kernel_y = np.concatenate((half_y[:0:-1], half_y))
+    kernel_x = np.concatenate((half_x[:0:-1], half_x))
     reach_y, reach_x = len(half_y) - 1, len(half_x) - 1
-    flat = image.reshape(height, n)
-    for block in prange((out.shape[1] + _ROWS - 1) // _ROWS):
-        line = np.zeros(n + 2 * reach_x * channels, np.float32)
+    flat = image.reshape(-1)
+    start = reach_x * channels
+    length = n + 2 * start
+    for chunk in prange((out.shape[1] + _CHUNK - 1) // _CHUNK):
+        lines = np.zeros(_ROWS * length, np.float32)
         both = np.empty(n, np.float32)
-        nothing = np.zeros(n, np.float32)
-        start = reach_x * channels
-        for row in range(block * _ROWS, min(block * _ROWS + _ROWS, out.shape[1])):
-            _column_pass(flat, row + margin, half_y, reach_y, height, n, nothing, line, start)
-            _row_pass(line, half_x, reach_x, channels, n, start, both)
-            for col in range(out.shape[2]):
-                base = (col + margin) * channels
-                mass = both[base + channels - 1]
-                if mass > epsilon:
-                    inverse = np.float32(1) / mass
-                    for k in range(lights):
-                        for c in range(3):
-                            out[k, row, col, c] = both[base + 3 * k + c] * inverse
-                elif fallback.shape[1] > 0:
-                    for k in range(lights):
-                        for c in range(3):
-                            out[k, row, col, c] = fallback[k, row, col, c]
-                else:
-                    for k in range(lights):
-                        for c in range(3):
-                            out[k, row, col, c] = np.float32(0)
+        for top_row in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, out.shape[1]), _ROWS):
+            rows = min(_ROWS, out.shape[1] - top_row)
+            for left in range(0, n, _STRIP):  # so narrow that all taps' rows of it stay in the nearest cache
+                for i in range(rows):
+                    top = top_row + i + margin - reach_y
+                    first, last = max(-top, 0), min(len(kernel_y), height - top)
+                    to, count = i * length + start + left, min(_STRIP, n - left)
+                    _weigh(flat, (top + first) * n + left, n, kernel_y[first:last], lines, to, count)
+            for i in range(rows):
+                _weigh(lines, i * length, channels, kernel_x, both, 0, n)
+                _divide(both, margin, lights, top_row + i, epsilon, fallback, out)
 
 
 @njit(cache=True)
-def _column_pass(flat, row, half, reach, height, n, nothing, line, start):  # type: ignore[no-untyped-def]
-    for left in range(0, n, _RUN):
-        right = min(left + _RUN, n)
-        acc = line[start + left : start + right]
-        here = flat[row, left:right]
-        h = half[0]
-        for i in range(right - left):
-            acc[i] = h * here[i]
-        k = 1
-        while k <= reach:
-            # Two taps at a time: the sums stay in registers for longer
-            k2 = min(k + 1, reach)
-            h1, h2 = half[k], (half[k2] if k2 > k else np.float32(0))
-            a1 = flat[row - k, left:right] if row - k >= 0 else nothing[left:right]
-            b1 = flat[row + k, left:right] if row + k < height else nothing[left:right]
-            a2 = flat[row - k2, left:right] if row - k2 >= 0 else nothing[left:right]
-            b2 = flat[row + k2, left:right] if row + k2 < height else nothing[left:right]
-            for i in range(right - left):
-                acc[i] += h1 * (a1[i] + b1[i]) + h2 * (a2[i] + b2[i])
-            k += 2
+def _divide(both, margin, lights, row, epsilon, fallback, out):  # type: ignore[no-untyped-def]
+    channels = 3 * lights + 1
+    for col in range(out.shape[2]):
+        base = (col + margin) * channels
+        mass = both[base + channels - 1]
+        if mass > epsilon:
+            inverse = np.float32(1) / mass
+            for k in range(lights):
+                for c in range(3):
+                    out[k, row, col, c] = both[base + 3 * k + c] * inverse
+        elif fallback.shape[1] > 0:
+            for k in range(lights):
+                for c in range(3):
+                    out[k, row, col, c] = fallback[k, row, col, c]
+        else:
+            for k in range(lights):
+                for c in range(3):
+                    out[k, row, col, c] = np.float32(0)
 
 
 @njit(cache=True)
-def _row_pass(line, half, reach, channels, n, start, both):  # type: ignore[no-untyped-def]
-    for left in range(0, n, _RUN):
-        right = min(left + _RUN, n)
-        acc = both[left:right]
-        here = line[start + left : start + right]
-        h = half[0]
-        for i in range(right - left):
-            acc[i] = h * here[i]
-        k = 1
-        while k <= reach:
-            k2 = min(k + 1, reach)
-            h1, h2 = half[k], (half[k2] if k2 > k else np.float32(0))
-            a1 = line[start + left - k * channels : start + right - k * channels]
-            b1 = line[start + left + k * channels : start + right + k * channels]
-            a2 = line[start + left - k2 * channels : start + right - k2 * channels]
-            b2 = line[start + left + k2 * channels : start + right + k2 * channels]
-            for i in range(right - left):
-                acc[i] += h1 * (a1[i] + b1[i]) + h2 * (a2[i] + b2[i])
-            k += 2
+def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-untyped-def]
+    """to[at + i] = sum_k weights[k] source[start + k stride + i] for i < count, all flat."""
+    i = 0
+    while i + 4 * LANES <= count:  # four sums at once, as each waits for its last multiply-add
+        a, b, c, d = splat(_ZERO), splat(_ZERO), splat(_ZERO), splat(_ZERO)
+        here = start + i
+        for k in range(len(weights)):
+            w = weights[k]
+            a += w * load(source, here)
+            b += w * load(source, here + LANES)
+            c += w * load(source, here + 2 * LANES)
+            d += w * load(source, here + 3 * LANES)
+            here += stride
+        store(to, at + i, a)
+        store(to, at + i + LANES, b)
+        store(to, at + i + 2 * LANES, c)
+        store(to, at + i + 3 * LANES, d)
+        i += 4 * LANES
+    while i < count:
+        total = _ZERO
+        for k in range(len(weights)):
+            total += weights[k] * source[start + k * stride + i]
+        to[at + i] = total
+        i += 1
 
 
 @njit(cache=True, parallel=True)
@@ -125,7 +126,7 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
     """
     height, width, channels = image.shape
     n = width * channels
-    flat = image.reshape(height, n)
+    flat = image.reshape(-1)
     taps = weight_x.shape[1]
     pad = taps * channels
     columns = out.shape[1]
@@ -133,38 +134,27 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
     halved = columns > 1 and first_x[columns - 1] - first_x[0] == 2 * (columns - 1)
     for i in prange(out.shape[0]):
         line = np.zeros(n + 2 * pad, np.float32)
-        middle = line[pad : pad + n]
-        for k in range(weight_y.shape[1]):
-            row = first_y[i] + k
-            if 0 <= row < height:
-                h = weight_y[i, k]
-                here = flat[row]
-                for p in range(n):
-                    middle[p] += h * here[p]
+        first, last = max(-first_y[i], 0), min(weight_y.shape[1], height - first_y[i])
+        if first < last:
+            _weigh(flat, (first_y[i] + first) * n, n, weight_y[i, first:last], line, pad, n)
+        whole = out[i].reshape(columns * channels)
         if halved:
-            length = (columns + taps) * channels
-            parts = np.zeros((2, length), np.float32)
-            for m in range(columns + taps):
+            length = columns + (taps + 1) // 2
+            parts = np.zeros((2, length * channels), np.float32)
+            for m in range(length):
                 for side in range(2):
                     col = first_x[0] + 2 * m + side
                     if 0 <= col < width:
                         for c in range(channels):
-                            parts[side, m * channels + c] = middle[col * channels + c]
-            whole = out[i].reshape(columns * channels)
-            for k in range(taps):
-                h = weight_x[0, k]
-                part = parts[k % 2, k // 2 * channels : (k // 2 + columns) * channels]
-                for p in range(columns * channels):
-                    whole[p] += h * part[p]
+                            parts[side, m * channels + c] = line[pad + col * channels + c]
+            odd = np.empty_like(whole)
+            _weigh(parts[0], 0, channels, weight_x[0, 0::2].copy(), whole, 0, columns * channels)
+            _weigh(parts[1], 0, channels, weight_x[0, 1::2].copy(), odd, 0, columns * channels)
+            whole += odd
             continue
         for j in range(columns):
-            to = out[i, j]
-            first = min(max(first_x[j], -taps), width)
-            for k in range(taps):
-                h = weight_x[j, k]
-                base = pad + (first + k) * channels
-                for c in range(channels):
-                    to[c] += h * line[base + c]
+            start = pad + min(max(first_x[j], -taps), width) * channels
+            _weigh(line, start, channels, weight_x[j], whole, j * channels, channels)
 
 
 def decimation_weights(
