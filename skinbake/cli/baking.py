@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -20,6 +21,7 @@ from skinbake.io.fingerprint import sha256_of
 from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name
 from skinbake.io.manifest import portable_config, read_manifest, write_manifest
+from skinbake.irradiance import IrradianceMap
 from skinbake.profile import GaussianSum
 from skinbake.scene.spec import SceneSpec
 
@@ -50,15 +52,20 @@ def bake_look(
         gaussians = stages.profile()
         irradiance = stages.irradiance()
         result = stages.diffuse(gaussians, irradiance, stages.light_keys)
-        textures = stages.textures(irradiance, result) if spec.output.tx else []
-        plan = pipeline.plan_of(spec, irradiance, result)
-        manifest = manifest_of(stages, gaussians, result, plan, tuple(light.name for light in spec.lights))
-        manifest["tx"] = [path.name for path in textures]
-        manifest["timings"]["total"] = time.perf_counter() - start
-        put_manifest(stages, manifest)
-        report(stages, result, plan)
-        if preview:
-            _draw(stages, stages.diffuse_key(gaussians, stages.light_keys))
+        try:
+            if preview and _in_memory(result):
+                _draw(stages, gaussians, lambda: _render_held(stages, irradiance, result))
+        finally:  # what was baked is whole, also without a picture
+            stages.finish_writing()
+            textures = stages.textures(irradiance, result) if spec.output.tx else []
+            plan = pipeline.plan_of(spec, irradiance, result)
+            manifest = manifest_of(stages, gaussians, result, plan, tuple(light.name for light in spec.lights))
+            manifest["tx"] = [path.name for path in textures]
+            manifest["timings"]["total"] = time.perf_counter() - start
+            put_manifest(stages, manifest)
+            report(stages, result, plan)
+        if preview and not _in_memory(result):
+            _draw(stages, gaussians, lambda: _render_folder(stages))
     stages.say(f"done in {time.perf_counter() - start:.2f} s: {stages.out}")
     if not result.tolerance_met:
         raise ToleranceMissedError(f"{stages.out}: tolerance {spec.diffusion.tolerance:g} missed: {result.advice}")
@@ -80,18 +87,34 @@ def _files(lobe: dict[str, Any]) -> list[str]:
     return list(lobe["tiles"].values()) if "tiles" in lobe else [lobe["file"]]
 
 
-def _draw(stages: Stages, lobes: str) -> None:
+def _in_memory(result: DiffuseMap) -> bool:
+    """Whether the lobes have pixels; those of a bake that was taken as it was are in its folder only."""
+    return all(len(rgb) for lobe in result.lobes for rgb in lobe.rgb.values())
+
+
+def _draw(stages: Stages, gaussians: GaussianSum, draw: Callable[[], None]) -> None:
     """preview.png, unless it shows what is in the folder."""
-    key = preview_key(stages.spec, stages.inputs, lobes)
+    key = preview_key(stages.spec, stages.inputs, stages.diffuse_key(gaussians, stages.light_keys))
     picture, note = stages.out / PREVIEW, stages.out / PREVIEW_KEY
     current = not stages.force and preview_is_current(stages.out, key)
     with stages.timed("preview", reused=current):
         if not current:
-            from skinbake.cli.preview import render_still
-
             note.unlink(missing_ok=True)
-            render_still(stages.out)
+            draw()
             write_text(note, f"{key} {sha256_of(picture)}\n")
+
+
+def _render_held(stages: Stages, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap) -> None:
+    """From memory, while the files are written; the same picture."""
+    from skinbake.cli.still import render, scene_of
+
+    render(scene_of(stages.spec, stages.scene, irradiance, result), stages.spec.preview, stages.out)
+
+
+def _render_folder(stages: Stages) -> None:
+    from skinbake.cli.preview import render_still
+
+    render_still(stages.out)
 
 
 def preview_is_current(folder: Path, key: str) -> bool:

@@ -38,6 +38,7 @@ def command(
     with stages.locked():
         gaussians = stages.profile()
         result = stages.diffuse(gaussians, maps, [sha256_of(path) for path in paths.values()])
+        stages.finish_writing()
         plan = plan_of(spec, maps, result)
         put_manifest(stages, manifest_of(stages, gaussians, result, plan, maps[0].lights))
     report(stages, result, plan)

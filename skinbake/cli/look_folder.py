@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from skinbake.cli.keys import diffuse_key, light_key, profile_key
 from skinbake.cli.workshop import Workshop
 from skinbake.diffuse import DiffuseMap
 from skinbake.errors import InputError
+from skinbake.io.background import Background
 from skinbake.io.fingerprint import input_hashes, input_stamps, key_of
 from skinbake.io.irradiance import light_keys, tile_path
 from skinbake.io.lobes import lobe_name, read_summary
@@ -51,6 +52,7 @@ class LookFolder:
         self.verbosity = verbosity
         self.workshop = workshop or Workshop()
         self.cache = None if force else self.workshop.cache
+        self.background = Background()
         self.timings: dict[str, float] = {}
         self._stamps: dict[Path, tuple[int, ...] | None] = {}
         self._inner = [0.0]  # seconds of the stages inside each one that runs
@@ -78,9 +80,11 @@ class LookFolder:
         if self.verbosity >= level:
             self.console.print(text, markup=False)
 
-    def locked(self) -> AbstractContextManager[None]:
-        """Hold the folder while stages run."""
-        return folder_lock(self.out, self.say)
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the folder while stages run and until their files are written."""
+        with folder_lock(self.out, self.say), self.background:
+            yield
 
     @cached_property
     def inputs(self) -> dict[str, str]:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from skinbake.cli.options import quiet_option
 from skinbake.errors import InputError
-
-if TYPE_CHECKING:
-    from skinbake.preview.shots import Shot
 
 
 @click.command("preview")
@@ -104,35 +100,26 @@ def render_still(
     verbosity: int = 0,
 ) -> list[Path]:
     """Render pictures of a bake folder and give the paths of the PNGs; the defaults render FOLDER/preview.png."""
+    from skinbake.cli.still import render
     from skinbake.io.bake_folder import read_bake_folder
-    from skinbake.io.exr import Part, rgb_channels, write_parts
-    from skinbake.io.png import write_png
-    from skinbake.preview.draw import Studio
-    from skinbake.preview.mode import Mode, parse_mode
-    from skinbake.preview.shots import develop, plan_shots, side_by_side
 
-    baked = read_bake_folder(folder)
-    look, scene = baked.spec.preview, baked.scene
-    size = size or look.size
-    shown = parse_mode(mode, len(scene.lobes))
-    shots: list[Shot] = plan_shots(scene.mesh, views or [look.view], turntable, size[0] / size[1])
-    target = Path(out) if out else baked.path
-    written = []
-    with Studio(scene) as studio:
-        for shot in shots:
-            modes = [Mode("none"), shown] if compare else [shown]
-            frames = [studio.draw(shot.camera, size, m, gains, supersample) for m in modes]
-            image = side_by_side(frames)
-            name = "preview" if len(shots) == 1 else f"preview_{shot.name}"
-            path = Path(png) if png else target / f"{name}{'_compare' if compare else ''}.png"
-            write_png(path, develop(image, look.background_rgb, look.exposure if exposure is None else exposure))
-            if exr:
-                channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
-                write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
-            written.append(path)
-            if verbosity:
-                click.echo(str(path), err=True)
-    return written
+    baked = read_bake_folder(folder, summed=not gains)
+    return render(
+        baked.scene,
+        baked.spec.preview,
+        Path(out) if out else baked.path,
+        png=png,
+        exr=exr,
+        views=views,
+        turntable=turntable,
+        size=size,
+        compare=compare,
+        mode=mode,
+        gains=gains,
+        exposure=exposure,
+        supersample=supersample,
+        say=(lambda path: click.echo(str(path), err=True)) if verbosity else None,
+    )
 
 
 def _names(views: str | None) -> list[str]:

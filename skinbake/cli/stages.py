@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import resource
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -32,12 +31,18 @@ from skinbake.profile import GaussianSum, fit_skin
 class Stages(LookFolder):
     """One look on its way into its folder."""
 
-    @contextmanager
-    def writing(self) -> Iterator[None]:
-        """Time of writing. The manifest goes first and comes last: a folder that has one is whole."""
-        with self.timed("write"):
-            (self.out / NAME).unlink(missing_ok=True)
-            yield
+    def write(self, work: Callable[[], None]) -> None:
+        """Have files written while the next stage runs. The manifest goes first and comes last: a folder that has one
+        is whole.
+        """
+        (self.out / NAME).unlink(missing_ok=True)
+        self.background.do(work)
+
+    def finish_writing(self) -> None:
+        """Wait for the files; only this waiting counts as time of writing."""
+        if self.background.busy:
+            with self.timed("write"):
+                self.background.finish()
 
     @cached_property
     def atlas(self) -> Atlas:
@@ -103,12 +108,15 @@ class Stages(LookFolder):
         atlas = self.atlas
         found = self._lights(stale, atlas)
         result = merged_lights(tuple(self.light_keys), found, kept, atlas)
-        with self.writing():
+
+        def write() -> None:
             if self.spec.texture.unwrap == "xatlas":  # whoever shades with the textures needs the UVs they are on
                 write_obj(self.out / "mesh.obj", self.scene.mesh, self.spec.mesh.millimetres_per_unit)
             for tile in result:
                 path = paths[tile.tile]
                 write_irradiance(path, tile, self.light_keys, self.header, precision, self.spec.output.compression)
+
+        self.write(write)
         return result
 
     def _lights(self, names: tuple[str, ...], atlas: Atlas) -> Mapping[str, Any]:
@@ -148,7 +156,8 @@ class Stages(LookFolder):
                 say=lambda text: self.say(f"    {text}", 2),
                 remember=remember if cache is not None and isinstance(light_id, Mapping) else None,
             )
-        with self.writing():
+
+        def write() -> None:
             for pattern in ("lobe_*.exr", "lobe_*.tx", "transmission*"):  # of a look with more lobes
                 for left in sorted(self.out.glob(pattern)):  # lobe_0 first: it vouches for the others
                     left.unlink()
@@ -162,6 +171,8 @@ class Stages(LookFolder):
                 spec.output.lights == "separate",
                 spec.texture.udim,
             )
+
+        self.write(write)
         return result
 
     def textures(self, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap) -> list[Path]:

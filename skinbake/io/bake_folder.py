@@ -31,10 +31,16 @@ class BakeFolder:
     scene: PreviewScene
 
 
-def read_bake_folder(path: Path | str) -> BakeFolder:
+def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
     """Read a bake folder, or the bake.json in it.
 
     Textures keep the precision they were stored with.
+
+    Parameters
+    ----------
+    path : path
+    summed : bool
+        Of each lobe only the sum over the lights: enough for pictures in which each light is as it was baked.
 
     Raises
     ------
@@ -52,12 +58,12 @@ def read_bake_folder(path: Path | str) -> BakeFolder:
     names = tuple(manifest.get("lights", [light.name for light in spec.lights]))
     if names != tuple(light.name for light in spec.lights):
         raise InputError(f"{folder / NAME}: expected lights {[light.name for light in spec.lights]}, got {list(names)}")
-    separate = spec.output.lights == "separate"
+    separate = spec.output.lights == "separate" and not summed
 
     irradiance, visibility = {}, {}
     for tile, file in _tiled(manifest.get("irradiance", ["irradiance.exr"]), spec):
         parts = read_parts(folder / file)
-        irradiance[tile] = _layers(folder / file, parts, names)
+        irradiance[tile] = _layers(folder / file, parts, [LIGHT + name for name in names])
         visibility[tile] = np.stack([_channel(folder / file, parts, LIGHT + name, "visibility") for name in names])
 
     mesh = read_mesh(
@@ -75,7 +81,7 @@ def read_bake_folder(path: Path | str) -> BakeFolder:
             lobes,
             irradiance,
             visibility,
-            _compact(read_maps(spec.maps, tuple(irradiance))),
+            half_maps(read_maps(spec.maps, tuple(irradiance))),
             spec.texturing,
             spec.specular,
             bool(manifest.get("terms", {}).get("energy_conservation", False)),
@@ -88,7 +94,10 @@ def read_bake_folder(path: Path | str) -> BakeFolder:
 
 def _lobe(folder: Path, entry: dict[str, Any], spec: SceneSpec, names: tuple[str, ...] | None) -> PreviewLobe:
     files = list(entry["tiles"].values()) if "tiles" in entry else [entry["file"]]
-    rgb = {tile: _layers(folder / file, read_parts(folder / file), names) for tile, file in _tiled(files, spec)}
+    wanted = [TOTAL] if names is None else [LIGHT + name for name in names]
+    rgb = {
+        tile: _layers(folder / file, read_parts(folder / file, wanted), wanted) for tile, file in _tiled(files, spec)
+    }
     variance = None if entry.get("method") == "transmission" else float(entry["variance_mm2"])
     r, g, b = (float(weight) for weight in entry["weight_rgb"])
     return PreviewLobe(rgb, (r, g, b), variance)
@@ -104,9 +113,8 @@ def _tiled(files: list[str], spec: SceneSpec) -> list[tuple[int, str]]:
     return [(int(number), file) for number, file in zip(numbers, files, strict=True)]
 
 
-def _layers(path: Path, parts: dict[str, Part], names: tuple[str, ...] | None) -> NDArray[np.floating]:
-    """(L, h, w, 3) of each light, or one layer of the total."""
-    wanted = [TOTAL] if names is None else [LIGHT + name for name in names]
+def _layers(path: Path, parts: dict[str, Part], wanted: list[str]) -> NDArray[np.floating]:
+    """Parts as (L, h, w, 3)."""
     layers = [[_channel(path, parts, part, c) for c in "RGB"] for part in wanted]
     return np.stack([np.stack(channels, axis=-1) for channels in layers])
 
@@ -117,7 +125,7 @@ def _channel(path: Path, parts: dict[str, Part], part: str, channel: str) -> NDA
     return parts[part].channels[channel]
 
 
-def _compact(maps: SkinMaps) -> SkinMaps:
+def half_maps(maps: SkinMaps) -> SkinMaps:
     """Maps as half floats, which hold 8-bit maps well and halve what the graphics card reads."""
     halves: dict[str, Any] = {
         name: {tile: np.asarray(image, np.float16) for tile, image in getattr(maps, name).items()}

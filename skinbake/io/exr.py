@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -130,8 +130,8 @@ def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
     return out
 
 
-def read_parts(path: Path | str) -> dict[str, Part]:
-    """Read every part of an EXR by name, pixels as stored; a single-part file without a name has the name "".
+def read_parts(path: Path | str, names: Collection[str] | None = None) -> dict[str, Part]:
+    """Parts of an EXR by name, pixels as stored: all, or those in `names`. A single part without a name is called "".
 
     OpenImageIO reads, since OpenEXR's Python module gives a cut file without its pixels and no error.
 
@@ -146,14 +146,15 @@ def read_parts(path: Path | str) -> dict[str, Part]:
     with _undamaged(path):
         source = _open(path)
         while source.seek_subimage(index, 0):
-            spec = source.spec()
-            pixels = source.read_image(index, 0, 0, spec.nchannels, oiio.UNKNOWN)
+            spec, index = source.spec(), index + 1
+            name = str(spec.get_string_attribute("name"))
+            if names is not None and name not in names:
+                continue
+            pixels = source.read_image(index - 1, 0, 0, spec.nchannels, oiio.UNKNOWN)
             if pixels is None:
                 raise InputError(f"{path}: expected a whole EXR, got: {source.geterror()}")
-            channels = {name: pixels[..., i] for i, name in enumerate(spec.channelnames)}
-            name = str(spec.get_string_attribute("name"))
+            channels = {channel: pixels[..., i] for i, channel in enumerate(spec.channelnames)}
             parts[name] = Part(name, channels, {attribute.name: attribute.value for attribute in spec.extra_attribs})
-            index += 1
     return parts
 
 

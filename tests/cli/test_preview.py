@@ -75,6 +75,22 @@ def test_exposure_brightens_the_skin_and_leaves_the_background(bake, tmp_path):
     assert (bright[40, 30] > dark[40, 30]).all()
 
 
+@pytest.mark.parametrize("precision", ["half", "float"])
+def test_the_picture_of_a_bake_is_the_one_its_folder_gives(tmp_path, precision):
+    """Drawn from memory while the files are written, or read from them afterwards: the same bytes."""
+    if renderer_name() is None:
+        pytest.skip("no headless OpenGL here (python -m skinbake.preview.setup_gl)")
+    write_bake(tmp_path)
+    key = "{name: key, type: directional, direction: [-1, -1, -1], irradiance: [3, 2, 1]}"
+    lights = f"lights=[{key}, {{name: sky, type: environment, radiance: [0.1, 0.2, 0.3]}}]"
+    options = ["--set", f"output.precision={precision}", "--set", lights, "--set", "diffusion.tolerance=1"]
+    assert run(["bake", str(tmp_path / "look.yaml"), *options, "--quiet"]) == 0
+    drawn = (tmp_path / "out" / "preview.png").read_bytes()
+    assert picture(tmp_path / "out" / "preview.png").max() > 100
+    assert run(["preview", str(tmp_path / "out"), "--png", str(tmp_path / "again.png")]) == 0
+    assert (tmp_path / "again.png").read_bytes() == drawn
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -37,6 +37,17 @@ def test_summed_lights_have_one_layer(tmp_path):
     assert scene.irradiance[1001].shape == (2, 32, 48, 3)
 
 
+def test_only_the_sums_are_read_where_they_are_enough(tmp_path):
+    """One layer a lobe, as it was stored; every light keeps its visibility."""
+    out = write_bake(tmp_path)
+    scene = read_bake_folder(out, summed=True).scene
+    assert not scene.separate
+    stored = read_parts(out / "lobe_1.exr", ["irradiance"])
+    assert list(stored) == ["irradiance"]
+    np.testing.assert_array_equal(scene.lobes[1].rgb[1001][0], stored["irradiance"].rgb)
+    assert scene.visibility[1001].shape == (2, 32, 48)
+
+
 def test_the_folder_its_manifest_and_a_moved_folder_are_the_same(tmp_path):
     out = write_bake(tmp_path / "here")
     shutil.copytree(tmp_path / "here", tmp_path / "there")
