@@ -219,14 +219,18 @@ class Diffuser:
         flat = self._surface_flat(variance_mm2, level, spacing)
         return [self._by_light(f, p.row.shape) for f, p in zip(flat, self.targets(level), strict=True)]
 
+    def interpolates(self, variance_mm2: float, level: int) -> bool:
+        """Whether a surface lobe of a stored size is interpolated from half that size, where that is smooth enough."""
+        height, width = level_size(self.size, level)
+        next_texel = np.sqrt(self.surface.mean_texel_mm2) * 2 ** (level + 1)
+        near = 0.8 * next_texel < widest_gap(self.spec.tolerance) * np.sqrt(variance_mm2)
+        return bool(self.spec.normalise and height % 2 == 0 and width % 2 == 0 and near)
+
     def _surface_flat(self, variance_mm2: float, level: int, spacing: float) -> list[NDArray[np.float32]]:
         """One lobe by flat texel, (h * w, C) a tile: from half the size where that is smooth enough, else summed."""
         sources = self.sources(variance_mm2, spacing)
         sigma = float(np.sqrt(variance_mm2))
-        height, width = level_size(self.size, level)
-        next_texel = np.sqrt(self.surface.mean_texel_mm2) * 2 ** (level + 1)
-        gap = widest_gap(self.spec.tolerance)
-        halve = self.spec.normalise and height % 2 == 0 and width % 2 == 0 and 0.8 * next_texel < gap * sigma
+        halve = self.interpolates(variance_mm2, level)
         coarse = self._surface_flat(variance_mm2, level + 1, spacing) if halve else None
         tiles = []
         for k, points in enumerate(self.targets(level)):
