@@ -30,18 +30,21 @@ def facet_point(corners: Float, f: int, b1: float, b2: float) -> tuple[float, fl
 
 @njit(cache=True, inline="always")
 def bulge(
-    corners: Float, normals: Float, f: int, b1: float, b2: float, px: float, py: float, pz: float
+    corners: Float, normals: Float, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
 ) -> tuple[float, float, float]:
-    """Offset from the facet's point to the smooth surface; only outwards, so creases are left alone."""
+    """Offset from the facet's point to the smooth surface; only outwards, so creases are left alone.
+
+    And by `relief` along the normal, or the kinks between patches would fray the shadow that grazing light meets first.
+    """
     dx, dy, dz = 0.0, 0.0, 0.0
     for k in range(3):
         b = 1.0 - b1 - b2 if k == 0 else (b1 if k == 1 else b2)
         nx, ny, nz = normals[f, k, 0], normals[f, k, 1], normals[f, k, 2]
         height = (px - corners[f, k, 0]) * nx + (py - corners[f, k, 1]) * ny + (pz - corners[f, k, 2]) * nz
-        if height < 0.0:
-            dx -= b * height * nx
-            dy -= b * height * ny
-            dz -= b * height * nz
+        rise = b * (relief - min(height, 0.0))
+        dx += rise * nx
+        dy += rise * ny
+        dz += rise * nz
     return dx, dy, dz
 
 
@@ -53,6 +56,7 @@ def place(
     corners: Float,
     normals: Float,
     lift: Float,
+    relief: Float,
     point: Image,
     start: Image,
     offset: Image,
@@ -65,18 +69,21 @@ def place(
         Of the smooth surface: positions about the occluder's centre, and unit normals.
     lift : ndarray of shape (F 4^levels, 3)
         Step off the facet that round-off asks for.
+    relief : ndarray of shape (F, 3)
     point, start, offset : ndarrays of shape (H, W, 3), written
         On the facet, a hair above it, and from there to the smooth surface.
     """
     height, width = face_index.shape
     for row in prange(height):
         for col in range(width):
-            f = face_index[row, col]
-            if f == NO_FACE:
+            face = face_index[row, col]
+            if face == NO_FACE:
                 continue
-            f, b1, b2 = descend(f, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1]), levels)
+            b1, b2 = float(barycentric[row, col, 0]), float(barycentric[row, col, 1])
+            rise = (1.0 - b1 - b2) * relief[face, 0] + b1 * relief[face, 1] + b2 * relief[face, 2]
+            f, b1, b2 = descend(face, b1, b2, levels)
             px, py, pz = facet_point(corners, f, b1, b2)
-            dx, dy, dz = bulge(corners, normals, f, b1, b2, px, py, pz)
+            dx, dy, dz = bulge(corners, normals, rise, f, b1, b2, px, py, pz)
             point[row, col, 0], point[row, col, 1], point[row, col, 2] = px, py, pz
             start[row, col, 0] = px + lift[f, 0]
             start[row, col, 1] = py + lift[f, 1]
@@ -95,6 +102,7 @@ def place_inside_texels(
     corners: Float,
     normals: Float,
     lift: Float,
+    relief: Float,
     on_facet: NDArray[np.bool_],
 ) -> Image:
     """Ray origins of grid x grid points inside each listed texel, shape (len(texels), grid * grid, 3).
@@ -121,11 +129,12 @@ def place_inside_texels(
             b1, b2 = min(max(b1, 0.0), 1.0), min(max(b2, 0.0), 1.0)
             if b1 + b2 > 1.0:
                 b1, b2 = b1 / (b1 + b2), b2 / (b1 + b2)
+            rise = (1.0 - b1 - b2) * relief[face, 0] + b1 * relief[face, 1] + b2 * relief[face, 2]
             f, b1, b2 = descend(face, b1, b2, levels)
             px, py, pz = facet_point(corners, f, b1, b2)
             dx, dy, dz = 0.0, 0.0, 0.0
             if not on_facet[row, col]:
-                dx, dy, dz = bulge(corners, normals, f, b1, b2, px, py, pz)
+                dx, dy, dz = bulge(corners, normals, rise, f, b1, b2, px, py, pz)
             out[i, s, 0] = px + dx + lift[f, 0]
             out[i, s, 1] = py + dy + lift[f, 1]
             out[i, s, 2] = pz + dz + lift[f, 2]

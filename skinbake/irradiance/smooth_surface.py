@@ -30,17 +30,21 @@ class SmoothSurface:
     positions_mm : ndarray of shape (V, 3)
     faces : ndarray of shape (F 4^levels, 3)
     corner_normal : ndarray of shape (F 4^levels, 3, 3)
+    relief_mm : ndarray of shape (F of the mesh, 3)
+        Height of the mesh's own bulges about each corner. Within it nothing is known: patches meet with a kink, and no
+        subdivision smooths that.
     """
 
     levels: int
     positions_mm: Float
     faces: NDArray[np.int32]
     corner_normal: Float
+    relief_mm: Float
 
 
 def smooth_surface(mesh: SkinMesh) -> SmoothSurface:
     """Subdivide until 99 % of the bulges left out are below `FLAT_ENOUGH_MM`, or the count is too high."""
-    surface = SmoothSurface(0, mesh.positions_mm, mesh.faces, mesh.corner_normal)
+    surface = SmoothSurface(0, mesh.positions_mm, mesh.faces, mesh.corner_normal, _relief_mm(mesh))
     while 4 * len(surface.faces) <= MAX_FACES:
         edge, offset = _edges(surface)
         heights = np.linalg.norm(offset, axis=1)
@@ -48,6 +52,20 @@ def smooth_surface(mesh: SkinMesh) -> SmoothSurface:
             break
         surface = _subdivide(surface, edge, offset)
     return surface
+
+
+def _relief_mm(mesh: SkinMesh) -> Float:
+    """Height by which the normals at both ends of an edge disagree on its arc: largest of a face, mean about a vertex.
+
+    On an arc of a circle they lean outwards by the same angle; where one leans more, the edge is an S.
+    """
+    chord = np.roll(mesh.corner_position_mm, -1, axis=1) - mesh.corner_position_mm
+    both = mesh.corner_normal + np.roll(mesh.corner_normal, -1, axis=1)
+    disagreement = np.abs(np.einsum("fki,fki->fk", chord, both)) / 4
+    of_face = np.minimum(disagreement, MAX_SLOPE * np.linalg.norm(chord, axis=-1)).max(axis=1)
+    index, count = mesh.faces.ravel(), len(mesh.positions_mm)
+    total = np.bincount(index, np.repeat(of_face, 3), count)
+    return (total / np.maximum(np.bincount(index, minlength=count), 1))[mesh.faces]
 
 
 def _edges(surface: SmoothSurface) -> tuple[NDArray[np.int64], Float]:
@@ -103,6 +121,7 @@ def _subdivide(surface: SmoothSurface, edge: NDArray[np.int64], offset: Float) -
         positions,
         np.ascontiguousarray(index[:, children].reshape(-1, 3)),
         np.ascontiguousarray(normal[:, children].reshape(-1, 3, 3)),
+        surface.relief_mm,
     )
 
 

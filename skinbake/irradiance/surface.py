@@ -39,7 +39,7 @@ class TexelSurface:
     roughness, strength : ndarrays of shape (H, W) or (1, 1), float32
         Beckmann m, and rho_s times the specular map.
     levels, corners, normals, lift : int and ndarrays by triangle of the smooth surface
-    per_texel : ndarray by face
+    relief, per_texel : ndarrays by face
         For points inside a texel, see `origins_inside`.
     on_facet : ndarray of shape (H, W), bool
         Where another surface bars the way to the smooth surface.
@@ -56,6 +56,7 @@ class TexelSurface:
     corners: Float
     normals: Float
     lift: Float
+    relief: Float
     per_texel: Float
     on_facet: NDArray[np.bool_]
 
@@ -71,6 +72,7 @@ class TexelSurface:
             self.corners,
             self.normals,
             self.lift,
+            self.relief,
             self.on_facet,
         )
 
@@ -83,7 +85,18 @@ def texel_surface(
     fine = occluder.surface
     corners, lift, texel_mm = _lifted(mesh, occluder, (width, height))
     point, start, offset = (np.zeros((height, width, 3), np.float32) for _ in range(3))
-    place(raster.face_index, raster.barycentric, fine.levels, corners, fine.corner_normal, lift, point, start, offset)
+    place(
+        raster.face_index,
+        raster.barycentric,
+        fine.levels,
+        corners,
+        fine.corner_normal,
+        lift,
+        fine.relief_mm,
+        point,
+        start,
+        offset,
+    )
     on_facet = _barred(raster, start, offset, texel_mm, occluder)
     offset[on_facet] = 0
     np.add(start, offset, out=offset)
@@ -103,6 +116,7 @@ def texel_surface(
         corners,
         fine.corner_normal,
         lift,
+        fine.relief_mm,
         _barycentrics_per_texel(mesh, width, height),
         on_facet,
     )
@@ -121,7 +135,18 @@ def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int],
     fine = occluder.surface
     corners, lift, _ = _lifted(mesh, occluder, size)
     point, start, offset = (np.zeros((1, count, 3), np.float32) for _ in range(3))
-    place(face[None], barycentric[None], fine.levels, corners, fine.corner_normal, lift, point, start, offset)
+    place(
+        face[None],
+        barycentric[None],
+        fine.levels,
+        corners,
+        fine.corner_normal,
+        lift,
+        fine.relief_mm,
+        point,
+        start,
+        offset,
+    )
     offset[0, occluder.occluded(start[0], offset[0], np.ones(count, np.float32))] = 0
     weight = np.concatenate([1 - barycentric.sum(axis=1, keepdims=True), barycentric], axis=1)
     normal = normalized(np.einsum("nk,nki->ni", weight, mesh.corner_normal[face]))

@@ -70,7 +70,7 @@ def test_a_place_in_a_face_is_found_in_its_children():
     # Hard normals leave every edge straight, so children tile their parent; force the levels through the private step
     from skinbake.irradiance.smooth_surface import SmoothSurface, _edges, _subdivide
 
-    surface = SmoothSurface(0, flat.positions_mm, flat.faces, flat.corner_normal)
+    surface = SmoothSurface(0, flat.positions_mm, flat.faces, flat.corner_normal, np.zeros((len(flat.faces), 3)))
     for _ in range(3):
         surface = _subdivide(surface, *_edges(surface))
     rng = np.random.default_rng(0)
@@ -85,3 +85,14 @@ def test_a_place_in_a_face_is_found_in_its_children():
         q = surface.positions_mm[surface.faces[child]]
         expected = (1 - b1 - b2) * p[0] + b1 * p[1] + b2 * p[2]
         np.testing.assert_allclose((1 - c1 - c2) * q[0] + c1 * q[1] + c2 * q[2], expected, atol=1e-9)
+
+
+def test_relief_is_what_the_normals_disagree_by():
+    """None where every edge is an arc of a circle or straight; a quarter of what both ends of a chord lean."""
+    assert smooth_surface(sphere(60.0, "latlong", 24)).relief_mm.max() < 1e-6
+    flat = quad(100.0, 80.0)
+    assert smooth_surface(flat).relief_mm.max() == 0
+    leaning = flat.corner_normal + np.array([0.04, 0, 0])  # chords along x: 100 mm; both ends lean the same way
+    leaning /= np.linalg.norm(leaning, axis=-1, keepdims=True)
+    relief = smooth_surface(SkinMesh(flat.positions_mm, flat.faces, flat.corner_uv, leaning)).relief_mm
+    np.testing.assert_allclose(relief, 100 * 2 * leaning[0, 0, 0] / 4, rtol=1e-12)
