@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinbake.io.mesh import unwrap_mesh
 from skinbake.scene.mesh import SkinMesh
 
 
@@ -34,16 +35,18 @@ def joined(*meshes: SkinMesh) -> SkinMesh:
 
 
 def sphere(radius_mm=50.0, layout="latlong", segments=48, tiles=1) -> SkinMesh:
-    """A sphere with one of two UV layouts: "latlong" (one chart, one seam, stretched) or "cube" (six charts).
+    """A sphere with one of three UV layouts: "latlong" (one chart, one seam, stretched), "cube" (six charts), "xatlas".
 
     `tiles=2` puts the right half of the layout on UDIM tile 1002.
     """
+    if layout == "xatlas":
+        return unwrap_mesh(sphere(radius_mm, "latlong", segments))
     if layout == "latlong":
         directions, faces, uv = _latlong(segments)
     elif layout == "cube":
         directions, faces, uv = _cube(segments // 4)
     else:
-        raise ValueError(f"layout: expected latlong or cube, got {layout}")
+        raise ValueError(f"layout: expected latlong, cube or xatlas, got {layout}")
     corners = directions[faces]
     outside = (
         np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]) > 0
