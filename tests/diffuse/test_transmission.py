@@ -145,8 +145,8 @@ def test_the_thickness_is_measured_along_the_normal_not_towards_the_light(thickn
     """A slab lit from behind at 0, 30, 60 degrees: what entered comes through as T(d), whatever the direction.
 
     Against 60,000 photons an angle, T(d) is off by -10, -7 and +2 % at 2 mm, by -8, -5 and +5 % at 4 mm: refracted
-    towards the normal and scattered, light forgets where it came from. T(d / cos), along a ray towards the light, is off
-    by -15 % at 30 degrees and -42 % at 60 for 2 mm, by -20 % and -65 % for 4 mm.
+    towards the normal and scattered, light forgets where it came from. T(d / cos), along a ray towards the light, is
+    off by -15 % at 30 degrees and -42 % at 60 for 2 mm, by -20 % and -65 % for 4 mm.
     """
     medium, boundary = Medium(np.full(3, 0.032), np.full(3, 0.74)), boundary_factor(1.4)
     reflected, _ = half_space(medium, boundary, np.zeros((1, 1)))
