@@ -1,14 +1,16 @@
 """Raster and three shadowed lights at 2048^2: seconds by stage, rays a second beside the bare embree loop.
 
-`python -m tests.bench.bench_irradiance [mesh] [mm_per_unit] [size]`. Each ratio comes from one run, its two sides taken
-in turn, so that whatever else the machine does slows both.
+`python -m tests.bench.bench_irradiance [size] [mesh mm_per_unit]`: the sample head and, where it lies in
+../shared/assets or SKINBAKE_LPS, the Lee Perry-Smith scan; or the mesh that is given. Each ratio comes from one run,
+its two sides taken in turn, so that whatever else the machine does slows both.
 """
 
 from __future__ import annotations
 
-import resource
+import os
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numba
@@ -21,32 +23,35 @@ from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.surface import texel_surface
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
 from skinbake.scene.maps import SkinMaps
+from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SpecularSpec
 
-HEAD = Path(__file__).parents[2] / "data" / "head.obj"
+ROOT = Path(__file__).parents[2]
+SCAN = Path(os.environ.get("SKINBAKE_LPS", ROOT.parent / "shared" / "assets" / "lee_perry_smith")) / "head.obj"
 RAYS = 1 << 20
 LIGHTS = (
     DirectionalLight(name="key", type="directional", direction=(-0.62, -0.55, -0.56), irradiance=(3, 3, 3)),
     PointLight(name="rim", type="point", position_mm=(-350, 200, -150), intensity=(2e5, 2e5, 2e5)),
     SpotLight(name="top", type="spot", position_mm=(0, 400, 500), intensity=(4e5, 4e5, 4e5), axis=(0, -0.6, -1)),
 )
+SKY = EnvironmentLight(name="sky", type="environment", radiance=(1, 1, 1))
+
+
+def timed(call) -> float:
+    """Seconds."""
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
 
 
 def best(call, times: int = 3) -> float:
     """Shortest of a few runs, seconds."""
-    found = []
-    for _ in range(times):
-        start = time.perf_counter()
-        call()
-        found.append(time.perf_counter() - start)
-    return min(found)
+    return min(timed(call) for _ in range(times))
 
 
-def measure(path: str, mm_per_unit: str, size: str) -> list[dict]:
+def measure(name: str, mesh: SkinMesh, size: int) -> list[dict]:
     """A row a stage, then rays a second."""
-    mesh = read_mesh(path, float(mm_per_unit))
-    shape = (int(size), int(size))
-    maps = SkinMaps()
+    shape, maps, texels = (size, size), SkinMaps(), size**2
     counted = [0]
     original = Occluder.occluded
 
@@ -55,51 +60,79 @@ def measure(path: str, mm_per_unit: str, size: str) -> list[dict]:
         return original(self, origin, direction, reach)
 
     atlas = rasterize(mesh, shape)
-    light_texels(atlas, mesh, maps, LIGHTS)  # compiles
+    light_texels(atlas, mesh, maps, (*LIGHTS, SKY))  # compiles
+    occluder = Occluder(mesh)
+    surface = texel_surface(atlas[0], mesh, maps, SpecularSpec(), occluder)
     rows = [
         ("raster", best(lambda: rasterize(mesh, shape))),
         ("smooth surface and embree", best(lambda: Occluder(mesh))),
+        ("texel surface", best(lambda: texel_surface(atlas[0], mesh, maps, SpecularSpec(), occluder))),
+        ("three lights, shadows", best(lambda: light_texels(atlas, mesh, maps, LIGHTS))),
+        ("three lights, no shadows", best(lambda: light_texels(atlas, mesh, maps, LIGHTS, shadows=False))),
+        ("a sky", best(lambda: light_texels(atlas, mesh, maps, [SKY]))),
     ]
-    occluder = Occluder(mesh)
-    rows.append(("texel surface", best(lambda: texel_surface(atlas[0], mesh, maps, SpecularSpec(), occluder))))
     Occluder.occluded = count  # type: ignore[method-assign]
-    rows.append(("three lights, shadows", best(lambda: light_texels(atlas, mesh, maps, LIGHTS))))
-    rays = counted[0] / 3
-    Occluder.occluded = original  # type: ignore[method-assign]
-    rows.append(("three lights, no shadows", best(lambda: light_texels(atlas, mesh, maps, LIGHTS, shadows=False))))
-    sky = (EnvironmentLight(name="sky", type="environment", radiance=(1, 1, 1)),)
-    rows.append(("a sky, 256 directions", best(lambda: light_texels(atlas, mesh, maps, sky), 1)))
+    try:
+        light_texels(atlas, mesh, maps, LIGHTS)
+    finally:
+        Occluder.occluded = original  # type: ignore[method-assign]
 
-    surface = texel_surface(atlas[0], mesh, maps, SpecularSpec(), occluder)
     origin = np.ascontiguousarray(surface.origin[atlas[0].addressed][:RAYS])
     direction = np.broadcast_to(np.float32([0.62, 0.55, 0.56]), origin.shape).copy()
     reach = np.full(len(origin), np.inf, np.float32)
-    bare = best(lambda: occluder._scene.run(origin, direction, reach, query="OCCLUDED"))
-    ours = best(lambda: occluder.occluded(origin, direction, reach))
-    texels = int(size) ** 2
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    threads = numba.get_num_threads()
-    return [{"name": name, "seconds": seconds, "mtexels_per_s": texels / seconds / 1e6} for name, seconds in rows] + [
-        {"name": "rays of the three lights", "mrays": rays / 1e6, "rays_a_texel_and_light": rays / 3 / texels},
-        {"name": "bare embree, 1 thread", "mrays_per_s": len(origin) / bare / 1e6, "peak_mib": peak},
-        {
-            "name": f"occluder, {threads} threads",
-            "mrays_per_s": len(origin) / ours / 1e6,
-            "bare_over_ours": bare / ours,
-        },
+    result = [
+        {"name": f"{name}: {stage}", "seconds": seconds, "mtexels_per_s": texels / seconds / 1e6}
+        for stage, seconds in rows
     ]
+    result.append(
+        {"name": f"{name}: rays", "mrays": counted[0] / 1e6, "rays_a_texel_and_light": counted[0] / 3 / texels}
+    )
+    everyone = numba.get_num_threads()
+    for threads in sorted({1, everyone}):
+        numba.set_num_threads(threads)
+        bounds = np.linspace(0, len(origin), threads + 1).astype(int)
+
+        def bare(threads: int = threads, bounds=bounds) -> None:
+            def run(i: int) -> None:
+                part = slice(bounds[i], bounds[i + 1])
+                occluder._scene.run(origin[part], direction[part], reach[part], query="OCCLUDED")
+
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(run, range(threads)))
+
+        pairs = [(timed(bare), timed(lambda: occluder.occluded(origin, direction, reach))) for _ in range(5)]
+        theirs, ours = (min(side) for side in zip(*pairs, strict=True))
+        rate = len(origin) / 1e6
+        result.append(
+            {
+                "name": f"{name}: rays, both on {threads} thread{'s' * (threads > 1)}",
+                "bare_mrays_per_s": rate / theirs,
+                "ours_mrays_per_s": rate / ours,
+                "ours_over_bare": theirs / ours,
+            }
+        )
+    numba.set_num_threads(everyone)
+    return result
+
+
+def heads() -> dict[str, SkinMesh]:
+    """The sample head, and the scan where it is."""
+    found = {"head": read_mesh(ROOT / "data" / "head.obj", 1.0)}
+    return found | ({"scan": read_mesh(SCAN, 50.35)} if SCAN.exists() else {})
 
 
 def run(quick: bool) -> list[dict]:
-    """The sample head, for the runner."""
-    return measure(str(HEAD), "1", "512" if quick else "2048")
+    """Both heads, for the runner."""
+    return [row for name, mesh in heads().items() for row in measure(name, mesh, 512 if quick else 2048)]
 
 
-def main(path: str = str(HEAD), mm_per_unit: str = "1", size: str = "2048") -> int:
+def main(size: str = "2048", path: str = "", mm_per_unit: str = "1") -> int:
     """Print the table."""
-    for row in measure(path, mm_per_unit, size):
-        numbers = "  ".join(f"{key.replace('_', ' ')} {value:.4g}" for key, value in row.items() if key != "name")
-        print(f"{row['name']:<28}{numbers}")
+    meshes = {Path(path).stem: read_mesh(path, float(mm_per_unit))} if path else heads()
+    for name, mesh in meshes.items():
+        for row in measure(name, mesh, int(size)):
+            numbers = "  ".join(f"{key.replace('_', ' ')} {value:.4g}" for key, value in row.items() if key != "name")
+            print(f"{row['name']:<34}{numbers}")
     return 0
 
 
