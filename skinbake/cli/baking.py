@@ -12,7 +12,8 @@ from typing import Any
 import skinbake
 from skinbake import pipeline
 from skinbake.cli.keys import preview_key
-from skinbake.cli.stages import Stages, peak_memory_mib
+from skinbake.cli.memory import peak_memory_mib
+from skinbake.cli.stages import Stages
 from skinbake.cli.workshop import Workshop
 from skinbake.diffuse import DiffuseMap, PlanLine
 from skinbake.errors import InputError, ToleranceMissedError

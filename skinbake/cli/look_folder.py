@@ -15,6 +15,7 @@ from rich.console import Console
 from skinbake import pipeline
 from skinbake.atlas import tiles_of
 from skinbake.cli.keys import diffuse_key, light_key, profile_key
+from skinbake.cli.memory import give_back_freed
 from skinbake.cli.workshop import Workshop
 from skinbake.diffuse import DiffuseMap
 from skinbake.errors import InputError
@@ -70,6 +71,7 @@ class LookFolder:
             whole = time.perf_counter() - start
             seconds = whole - self._inner.pop()
             self._inner[-1] += whole
+            give_back_freed()
         self.timings[stage] = self.timings.get(stage, 0.0) + seconds
         self.reused[stage] = reused
         self.workshop.hear({"event": "stage end", "stage": stage, "seconds": seconds, "reused": reused})

@@ -221,7 +221,7 @@ def _stored_values(folder: Path, at: Probed, through_only: bool = False) -> Floa
     from skinbake.diffuse.probes import read_bilinear
     from skinbake.io.bake_folder import read_bake_folder
 
-    baked = read_bake_folder(folder)
+    baked = read_bake_folder(folder, summed=True)
     scene = baked.scene
     total = np.zeros((len(at.tile), 3))
     for lobe in scene.lobes:
@@ -277,7 +277,7 @@ def _picture(folder: Path) -> NDArray[np.float32] | None:
     from skinbake.preview.mode import Mode
     from skinbake.preview.shots import plan_shots
 
-    baked = read_bake_folder(folder)
+    baked = read_bake_folder(folder, summed=True)
     look = baked.spec.preview
     shot = plan_shots(baked.scene.mesh, [look.view], None, PICTURE[0] / PICTURE[1])[0]
     try:
@@ -292,7 +292,7 @@ def _picture(folder: Path) -> NDArray[np.float32] | None:
 
 def own_peak_mib() -> float:
     """Largest resident size of this process; where Linux tells, without what its parent had when it was started."""
-    from skinbake.cli.stages import peak_memory_mib
+    from skinbake.cli.memory import peak_memory_mib
 
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text().splitlines():

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
-import sys
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -88,7 +86,7 @@ class Stages(LookFolder):
                 report = fit_skin(self.spec.skin, table)
                 for name in FIT_FILES:  # those of another fit: never one of each
                     (self.out / name).unlink(missing_ok=True)
-                write_fit(report, self.out, {"key": profile_key(self.spec, self.inputs)})
+                self.background.do(lambda: write_fit(report, self.out, {"key": profile_key(self.spec, self.inputs)}))
                 gaussians = report.gaussians
         return gaussians
 
@@ -187,9 +185,3 @@ class Stages(LookFolder):
             for path in stale:
                 write_tx(path, coverage[exrs[path]])
         return sorted(self.out.glob("*.tx"))
-
-
-def peak_memory_mib() -> float:
-    """Largest resident size of this process so far."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (2**20 if sys.platform == "darwin" else 2**10)

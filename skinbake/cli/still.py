@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from skinbake import pipeline
 from skinbake.diffuse import DiffuseMap
 from skinbake.io.bake_folder import half_maps
@@ -63,7 +65,7 @@ def scene_of(
     precision = spec.output.precision
     lobes = tuple(
         PreviewLobe(
-            {tile: as_stored(rgb.sum(axis=0, dtype=rgb.dtype), precision)[None] for tile, rgb in lobe.rgb.items()},
+            {tile: as_stored(rgb.sum(axis=0, dtype=np.float32), precision)[None] for tile, rgb in lobe.rgb.items()},
             lobe.weight_rgb,
             None if lobe.method == "transmission" else lobe.variance_mm2,
         )

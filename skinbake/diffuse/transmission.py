@@ -217,7 +217,7 @@ def _gather(
         pick = np.flatnonzero(lit & (of_face[face] == tile))
         local = uv[pick] - np.asarray(tile_origin(tile))
         for i, lobe in enumerate(diffused.lobes):
-            _add_bilinear(lobe.rgb[tile], local, pick, weight[:, i], out)
+            _add_bilinear(np.asarray(lobe.rgb[tile], np.float32), local, pick, weight[:, i], out)
     return out
 
 

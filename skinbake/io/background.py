@@ -10,9 +10,9 @@ from types import TracebackType
 class Background:
     """One thread that does what it is given, one thing after the other; a context manager.
 
-    What fails is raised by the next `finish`, in the thread that calls it, and what was to follow is left undone: a
-    file that vouches for others never appears without them. When the block ends in an error, what has not begun is left
-    undone, too.
+    What fails is raised by the next `do` or `finish`, in the thread that calls it, and what was to follow is left
+    undone: a file that vouches for others never appears without them. When the block ends in an error, what has not
+    begun is left undone, too.
     """
 
     def __init__(self) -> None:
@@ -26,11 +26,18 @@ class Background:
         """Whether something was given since the last `finish`."""
         return bool(self._given)
 
-    def do(self, work: Callable[[], None]) -> None:
-        """Have `work` done after all that was given before."""
+    def do(self, work: Callable[[], object]) -> None:
+        """Have `work` done after all that was given before.
+
+        Raises
+        ------
+        As `finish`, where something has failed already.
+        """
+        if self._fault is not None:
+            raise self._fault
         self._given.append(self._pool.submit(self._do, work))
 
-    def _do(self, work: Callable[[], None]) -> None:
+    def _do(self, work: Callable[[], object]) -> None:
         if self._fault is None and not self._stopped:
             try:
                 work()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 from skinbake.atlas import tiles_of
 from skinbake.io.image import read_environments, read_maps
 from skinbake.io.mesh import read_mesh
@@ -17,12 +19,15 @@ def read_scene(spec: SceneSpec) -> SceneData:
     InputError
         A file is missing or unusable; the message names it, what was expected and what it holds.
     """
-    mesh = read_mesh(
-        spec.mesh.path,
-        spec.mesh.millimetres_per_unit,
-        flip_v=spec.mesh.flip_v,
-        unwrap=spec.texture.unwrap,
-        any_size=spec.mesh.any_size,
-    )
-    maps = read_maps(spec.maps, tiles_of(mesh, spec.texture.udim))
-    return SceneData(mesh, maps, read_environments(spec.lights))
+    with ThreadPoolExecutor(1) as pool:  # pictures are decoded while the mesh is parsed
+        environments = pool.submit(read_environments, spec.lights)
+        maps = None if spec.texture.udim else pool.submit(read_maps, spec.maps)
+        mesh = read_mesh(
+            spec.mesh.path,
+            spec.mesh.millimetres_per_unit,
+            flip_v=spec.mesh.flip_v,
+            unwrap=spec.texture.unwrap,
+            any_size=spec.mesh.any_size,
+        )
+        of_tiles = maps.result() if maps else read_maps(spec.maps, tiles_of(mesh, spec.texture.udim))
+        return SceneData(mesh, of_tiles, environments.result())

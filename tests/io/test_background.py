@@ -32,6 +32,22 @@ def fails() -> None:
     raise MachineError("the disk is full")
 
 
+def test_a_fault_is_told_to_whoever_gives_more_to_do():
+    """Nobody computes for minutes what cannot be written."""
+
+    def block() -> None:
+        with Background() as background:
+            background.do(fails)
+            for _ in range(1000):
+                time.sleep(0.01)
+                background.do(lambda: None)
+
+    begun = time.monotonic()
+    with pytest.raises(MachineError, match="the disk is full"):
+        block()
+    assert time.monotonic() - begun < 5
+
+
 @pytest.mark.parametrize("asked", [True, False])
 def test_a_fault_is_raised_at_the_finish_and_nothing_follows_it(asked):
     """As a full disk: the file that vouches for the others is not written after one of them failed."""
