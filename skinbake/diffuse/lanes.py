@@ -88,6 +88,11 @@ _multiply = _binary(lambda builder, a, b: builder.fmul(a, b, flags=("contract",)
 _divide = _binary(lambda builder, a, b: builder.fdiv(a, b))
 _least = _binary(lambda builder, a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b))
 _most = _binary(lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))
+same = _binary(
+    lambda builder, a, b: builder.select(
+        builder.fcmp_ordered("==", a, b), ir.Constant(_VECTOR, [1.0] * LANES), ir.Constant(_VECTOR, [0.0] * LANES)
+    )
+)
 
 
 def _overload(function: Any, both: Any) -> None:

@@ -17,14 +17,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, interpolate, signed_uv_area
+from skinbake.diffuse.lanes import LANES, gaussian, load, same, splat, store
 from skinbake.diffuse.lattice import lattice_gaussian
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
 CUT_SIGMA = 3.5
 MAX_REACH = 48  # texels: a chart region denser than that for its lobe is cut, and says so by its measured error
-_LANES = 16
 _EMPTY = -1
+_ZERO = np.float32(0)
 
 
 def uv_vertices(mesh: SkinMesh) -> NDArray[np.int64]:
@@ -112,13 +113,13 @@ def stretch_blur(
     lights, height, width, _ = light.shape
     form, reach = _quadratic_form(covariance)
     pad = int(np.ceil(reach.max(initial=0))) + 1
-    padded_width = width + 2 * pad + _LANES
+    padded_width = width + 2 * pad + LANES
     planes = np.zeros((3 * lights + 1, height + 2 * pad, padded_width), np.float32)
     inside = slice(pad, pad + height), slice(pad, pad + width)
     planes[(slice(0, 3 * lights), *inside)] = light.transpose(0, 3, 1, 2).reshape(3 * lights, height, width)
     planes[(3 * lights, *inside)] = area_mm2 / max(float(area_mm2.max(initial=0)), 1e-30)
     planes[:-1, planes[-1] == 0] = 0  # infinity times no weight is not nothing
-    chart_padded = np.full(planes.shape[1:], _EMPTY, np.int32)
+    chart_padded = np.full(planes.shape[1:], _EMPTY, np.float32)  # numbers of charts are far below 2^24
     chart_padded[inside] = chart
     out = light.copy()
     _gather(planes, chart_padded, form, reach, chart, pad, out)
@@ -147,52 +148,49 @@ def _quadratic_form(covariance: NDArray[np.float32]) -> tuple[NDArray[np.float32
 def _gather(planes, chart_padded, form, reach, chart, pad, out):  # type: ignore[no-untyped-def]
     lights, height, width, _ = out.shape
     channels = 3 * lights
-    one, half, sixth, last = np.float32(1), np.float32(0.5), np.float32(1 / 6), np.float32(1 / 24)
+    stride = planes.shape[2]
+    plane = planes.shape[1] * stride
+    texels, charts = planes.reshape(-1), chart_padded.reshape(-1)
     for row in prange(height):
-        w = np.empty(_LANES, np.float32)
-        total = np.empty(_LANES, np.float32)
-        acc = np.empty((channels, _LANES), np.float32)
-        a = np.ones(_LANES, np.float32)
-        b = np.zeros(_LANES, np.float32)
-        c = np.ones(_LANES, np.float32)
-        mine = np.empty(_LANES, np.int32)
-        for left in range(0, width, _LANES):
-            reach_x, reach_y, some = np.float32(0), np.float32(0), False
-            for t in range(_LANES):
+        at = np.empty((4, LANES), np.float32)  # the ellipse's form and the chart
+        sums = np.empty((channels + 1, LANES), np.float32)
+        ellipse, acc = at.reshape(-1), sums.reshape(-1)
+        for left in range(0, width, LANES):
+            reach_x, reach_y, some = _ZERO, _ZERO, False
+            for t in range(LANES):
                 col = left + t
-                mine[t] = -2
+                at[0, t], at[1, t], at[2, t], at[3, t] = 1.0, 0.0, 1.0, _EMPTY - 1
                 if col < width and chart[row, col] >= 0:
                     some = True
-                    mine[t] = chart[row, col]
-                    a[t], b[t], c[t] = form[row, col, 0], form[row, col, 1], form[row, col, 2]
+                    at[3, t] = chart[row, col]
+                    at[0, t], at[1, t], at[2, t] = form[row, col, 0], form[row, col, 1], form[row, col, 2]
                     reach_x, reach_y = max(reach_x, reach[row, col, 0]), max(reach_y, reach[row, col, 1])
             if not some:
                 continue
-            total[:] = 0
-            acc[:] = 0
+            xx, xy, yy = load(ellipse, 0), load(ellipse, LANES), load(ellipse, 2 * LANES)
+            mine = load(ellipse, 3 * LANES)
+            total, red, green, blue = splat(_ZERO), splat(_ZERO), splat(_ZERO), splat(_ZERO)
+            sums[:] = _ZERO
             for dy in range(-int(reach_y), int(reach_y) + 1):
                 for dx in range(-int(reach_x), int(reach_x) + 1):
                     fx, fy = np.float32(dx), np.float32(dy)
-                    weight = planes[channels, row + dy + pad, left + dx + pad : left + dx + pad + _LANES]
-                    there = chart_padded[row + dy + pad, left + dx + pad : left + dx + pad + _LANES]
-                    for t in range(_LANES):
-                        e = min(a[t] * fx * fx + b[t] * fx * fy + c[t] * fy * fy, one)
-                        p = one - e * (one - e * (half - e * (sixth - e * last)))
-                        p = p * p
-                        p = p * p
-                        p = p * p
-                        p = p * p
-                        p = p * p * weight[t]
-                        w[t] = p if there[t] == mine[t] else np.float32(0)
-                        total[t] += w[t]
+                    here = (row + dy + pad) * stride + left + dx + pad
+                    w = gaussian(xx * (fx * fx) + xy * (fx * fy) + yy * (fy * fy))
+                    w = w * load(texels, channels * plane + here) * same(load(charts, here), mine)
+                    total += w
+                    red += w * load(texels, here)
+                    green += w * load(texels, plane + here)
+                    blue += w * load(texels, 2 * plane + here)
+                    for k in range(3, channels):
+                        store(acc, k * LANES, load(acc, k * LANES) + w * load(texels, k * plane + here))
+            store(acc, 0, red)
+            store(acc, LANES, green)
+            store(acc, 2 * LANES, blue)
+            store(acc, channels * LANES, total)
+            for t in range(min(LANES, width - left)):
+                if chart[row, left + t] >= 0 and sums[channels, t] > 0:
                     for k in range(channels):
-                        values = planes[k, row + dy + pad, left + dx + pad : left + dx + pad + _LANES]
-                        for t in range(_LANES):
-                            acc[k, t] += w[t] * values[t]
-            for t in range(_LANES):
-                if mine[t] >= 0 and total[t] > 0:
-                    for k in range(channels):
-                        out[k // 3, row, left + t, k % 3] = acc[k, t] / total[t]
+                        out[k // 3, row, left + t, k % 3] = sums[k, t] / sums[channels, t]
 
 
 @njit(cache=True, parallel=True)
