@@ -32,6 +32,7 @@ def write_png(path: Path | str, rgb: NDArray[np.uint8]) -> None:
         raise ValueError(f"rgb: expected uint8 of shape (H, W, 3), got {rgb.dtype} of {rgb.shape}")
     spec = oiio.ImageSpec(rgb.shape[1], rgb.shape[0], 3, "uint8")
     spec.attribute("oiio:ColorSpace", "sRGB")
+    spec.attribute("png:compressionLevel", 4)  # 6 takes twice as long for a file 6 % smaller
     with atomic_write(path) as temporary:
         output = oiio.ImageOutput.create(str(temporary))
         if output is None or not output.open(str(temporary), spec):
