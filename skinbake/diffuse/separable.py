@@ -70,6 +70,20 @@ def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out):  # t
 @njit(cache=True)
 def _divide(both, margin, lights, row, epsilon, fallback, out):  # type: ignore[no-untyped-def]
     channels = 3 * lights + 1
+    if lights == 1:  # constant strides: the compiler shuffles whole registers
+        to, width = out[0, row].reshape(-1), out.shape[2]
+        here = both[margin * 4 : (margin + width) * 4]
+        bare = False
+        for col in range(width):
+            mass = here[4 * col + 3]
+            covered = mass > epsilon
+            inverse = np.float32(1) / mass if covered else _ZERO
+            to[3 * col] = here[4 * col] * inverse
+            to[3 * col + 1] = here[4 * col + 1] * inverse
+            to[3 * col + 2] = here[4 * col + 2] * inverse
+            bare |= not covered
+        if not bare:
+            return
     for col in range(out.shape[2]):
         base = (col + margin) * channels
         mass = both[base + channels - 1]
@@ -132,29 +146,37 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
     columns = out.shape[1]
     # An even texture is halved with the same weights everywhere: even and odd columns apart, whole rows are summed
     halved = columns > 1 and first_x[columns - 1] - first_x[0] == 2 * (columns - 1)
-    for i in prange(out.shape[0]):
-        line = np.zeros(n + 2 * pad, np.float32)
-        first, last = max(-first_y[i], 0), min(weight_y.shape[1], height - first_y[i])
-        if first < last:
-            _weigh(flat, (first_y[i] + first) * n, n, weight_y[i, first:last], line, pad, n)
-        whole = out[i].reshape(columns * channels)
-        if halved:
-            length = columns + (taps + 1) // 2
-            parts = np.zeros((2, length * channels), np.float32)
-            for m in range(length):
-                for side in range(2):
-                    col = first_x[0] + 2 * m + side
-                    if 0 <= col < width:
-                        for c in range(channels):
-                            parts[side, m * channels + c] = line[pad + col * channels + c]
-            odd = np.empty_like(whole)
-            _weigh(parts[0], 0, channels, weight_x[0, 0::2].copy(), whole, 0, columns * channels)
-            _weigh(parts[1], 0, channels, weight_x[0, 1::2].copy(), odd, 0, columns * channels)
-            whole += odd
-            continue
-        for j in range(columns):
-            start = pad + min(max(first_x[j], -taps), width) * channels
-            _weigh(line, start, channels, weight_x[j], whole, j * channels, channels)
+    length = n + 2 * pad
+    for chunk in prange((out.shape[0] + _ROWS - 1) // _ROWS):
+        top_row, rows = chunk * _ROWS, min(_ROWS, out.shape[0] - chunk * _ROWS)
+        lines = np.zeros(_ROWS * length, np.float32)
+        parts = np.zeros((2, (columns + (taps + 1) // 2) * channels), np.float32)
+        odd = np.empty(columns * channels, np.float32)
+        for left in range(0, n, _STRIP):
+            for i in range(rows):
+                top = first_y[top_row + i]
+                first, last = max(-top, 0), min(weight_y.shape[1], height - top)
+                if first < last:
+                    weights = weight_y[top_row + i, first:last]
+                    to, count = i * length + pad + left, min(_STRIP, n - left)
+                    _weigh(flat, (top + first) * n + left, n, weights, lines, to, count)
+        for i in range(rows):
+            whole = out[top_row + i].reshape(columns * channels)
+            if halved:
+                line = lines[i * length + pad : i * length + pad + n]
+                for m in range(parts.shape[1] // channels):
+                    for side in range(2):
+                        col = first_x[0] + 2 * m + side
+                        if 0 <= col < width:
+                            for c in range(channels):
+                                parts[side, m * channels + c] = line[col * channels + c]
+                _weigh(parts[0], 0, channels, weight_x[0, 0::2].copy(), whole, 0, columns * channels)
+                _weigh(parts[1], 0, channels, weight_x[0, 1::2].copy(), odd, 0, columns * channels)
+                whole += odd
+                continue
+            for j in range(columns):
+                start = i * length + pad + min(max(first_x[j], -taps), width) * channels
+                _weigh(lines, start, channels, weight_x[j], whole, j * channels, channels)
 
 
 def decimation_weights(
