@@ -15,6 +15,7 @@ from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
 LATTICE_MM = 4.0  # between the first texels traced: ambient light varies over what shades it, not over texels
+CLOSE = 4  # of the lattice: within a millimetre, texels beside a chart's border go by the neighbours they have
 FEWEST = 256  # directions behind the oil's share where no shadows are traced
 
 
@@ -48,7 +49,8 @@ def light_environment(
         oil = (roughness[texels], strength[texels], table, f0) if table.size else None
         return open_shares(origin[texels], normal[texels], directions, weights, barrier, oil)
 
-    share = refine(addressed, surface.smooth_normal, 4, trace, plan.variation, lattice(surface.raster))
+    coarsest = lattice(surface.raster)
+    share = refine(addressed, surface.smooth_normal, 4, trace, plan.variation, coarsest, coarsest // CLOSE)
     return irradiance * share[..., :3], np.ascontiguousarray(share[..., 3])
 
 

@@ -19,11 +19,13 @@ def refine(
     trace: Callable[[NDArray[np.int64]], Image],
     tolerance: float,
     coarsest: int,
+    close: int = 0,
 ) -> Image:
     """Trace a lattice of texels, then, level by level, those between that cannot be interpolated from it.
 
     A texel is interpolated, bilinearly, where its four neighbours on the lattice differ by at most `tolerance` and its
-    normal is within 20 degrees of theirs; so its value lies between values which differ by at most `tolerance`.
+    normal is within 20 degrees of theirs; so its value lies between values which differ by at most `tolerance`. Beside
+    the border of a chart, where some of the four are missing, it is traced, unless the lattice is `close`.
 
     Parameters
     ----------
@@ -38,6 +40,8 @@ def refine(
         0: interpolate only between equal values.
     coarsest : int
         Texels between the points of the first lattice, a power of two.
+    close : int
+        Texels between lattice points up to which those that are there speak for those that are missing.
 
     Returns
     -------
@@ -54,12 +58,12 @@ def refine(
         if stride == 1:
             return values
         stride //= 2
-        texels = np.flatnonzero(_between(wanted, normal, values, stride, tolerance))
+        texels = np.flatnonzero(_between(wanted, normal, values, stride, tolerance, 2 * stride <= close))
 
 
 @njit(cache=True, parallel=True)
 def _between(
-    wanted: NDArray[np.bool_], normal: Image, values: Image, stride: int, tolerance: float
+    wanted: NDArray[np.bool_], normal: Image, values: Image, stride: int, tolerance: float, some: bool
 ) -> NDArray[np.bool_]:
     """Texels of the lattice of `stride` to trace; the others are interpolated from the lattice twice as wide."""
     height, width = wanted.shape
@@ -73,24 +77,26 @@ def _between(
                 continue
             r0, c0 = row - row % wide, col - col % wide
             r1, c1 = r0 + wide if row % wide else r0, c0 + wide if col % wide else c0
-            agree = True
-            low, high = np.full(channels, np.float32(np.inf)), np.full(channels, np.float32(-np.inf))
-            total = np.zeros(channels)
+            present, agree = 0, True
             nx, ny, nz = normal[row, col, 0], normal[row, col, 1], normal[row, col, 2]
             for r in (r0, r1):
                 for c in (c0, c1):
-                    if r >= height or c >= width or not wanted[r, c]:
-                        agree = False  # beside a chart's border nothing bounds what lies between
-                        continue
-                    cosine = nx * normal[r, c, 0] + ny * normal[r, c, 1] + nz * normal[r, c, 2]
-                    agree = agree and cosine >= TURN_COSINE
-                    for k in range(channels):
-                        low[k], high[k] = min(low[k], values[r, c, k]), max(high[k], values[r, c, k])
-                        total[k] += values[r, c, k]
+                    if r < height and c < width and wanted[r, c]:
+                        cosine = nx * normal[r, c, 0] + ny * normal[r, c, 1] + nz * normal[r, c, 2]
+                        agree = agree and cosine >= TURN_COSINE
+                        present += 1
+            # Beside a chart's border nothing bounds what lies between
+            agree = agree and (present == 4 or (some and present > 0))
             for k in range(channels):
-                agree = agree and high[k] - low[k] <= tolerance
+                low, high, total = np.float32(np.inf), np.float32(-np.inf), 0.0
+                if agree:
+                    for r in (r0, r1):
+                        for c in (c0, c1):
+                            if r < height and c < width and wanted[r, c]:
+                                low, high = min(low, values[r, c, k]), max(high, values[r, c, k])
+                                total += values[r, c, k]
+                    if high - low > tolerance:
+                        agree = False
+                    values[row, col, k] = total / present  # traced after all where a later channel disagrees
             to_trace[row, col] = not agree
-            if agree:
-                for k in range(channels):
-                    values[row, col, k] = total[k] / 4
     return to_trace
