@@ -8,7 +8,7 @@ another, the exchange that saves most for the error it adds, while the verifying
 within the tolerance: its mean square error plus two standard deviations of what that many probes would measure.
 
 A root mean square forgives what an eye does not: a line along a seam, far off but thin. So no exchange may leave more
-than three thousandths of the skin further off than ten tolerances.
+than three thousandths of the skin further off than ten tolerances, or than a tenth of the mean.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ MARGIN = 0.9  # of the tolerance, for what the planning probes did not see
 LUCK = 2.0  # standard deviations of the measured mean square
 MAX_LEVELS = 4
 PEAK = 10.0  # tolerances of the mean
+SEEN = 0.1  # of the mean: no less than this counts as a peak
 PEAK_SHARE = 0.003  # of the skin may be further off
 # Seconds a texel, of the two-core machine this was tuned on: only their ratios matter, nothing is timed in a bake
 _WRITE = 7e-8
@@ -93,7 +94,7 @@ def plan_auto(
     ]
     want = weighted_sum(exact, gaussians.weight_rgb)
     tolerance = diffuser.spec.tolerance
-    judge = _Judge(want, probes.weight, max(diffuser.spec.probes, 1), PEAK * tolerance)
+    judge = _Judge(want, probes.weight, max(diffuser.spec.probes, 1), max(PEAK * tolerance, SEEN))
     limit = MARGIN * tolerance
     chosen = _search(options, gaussians.weight_rgb, judge, limit)
     reads = [lobe[k].read for lobe, k in zip(options, chosen, strict=True)]
