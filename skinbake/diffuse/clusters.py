@@ -42,18 +42,19 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], levels: 
 
     Parameters
     ----------
-    radiosity : ndarray of shape (H * W, C), float32
-        By flat texel.
+    radiosity : ndarray of shape (L, H * W, 3), float32
+        By flat texel; C = 3 L.
     """
+    channels = 3 * len(radiosity)
     moments: list[NDArray[np.float32]] = []
     means: list[NDArray[np.float32]] = []
     fine_moments = np.empty((0, 0, _MOMENTS), np.float32)
-    fine_mean = np.empty((0, 0, radiosity.shape[1]), np.float32)
+    fine_mean = np.empty((0, 0, channels), np.float32)
     height, width = points.row.shape
     for _ in range(levels):
         height, width = (height + 1) // 2, (width + 1) // 2
         coarse = np.zeros((height, width, _MOMENTS), np.float32)
-        mean = np.zeros((height, width, radiosity.shape[1]), np.float32)
+        mean = np.zeros((height, width, channels), np.float32)
         if not moments:
             _first_level(points.row, points.position, points.normal, points.area_mm2, radiosity, coarse, mean)
         else:
@@ -81,7 +82,7 @@ def cut_clusters(
         each level, widest level first.
     """
     # Where to cut first, then how many there are, then all of them into arrays of the right length
-    channels = tiles[0][1].shape[1]
+    channels = 3 * len(tiles[0][1])
     cuts, count = [], 0
     for points, _, pyramid in tiles:
         taken: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
@@ -116,27 +117,34 @@ def contrast(points: TexelPoints, radiosity: NDArray[np.float32], pyramid: Momen
     """
     row, col = np.divmod(points.flat_index, points.row.shape[1])
     changes = np.zeros(len(row), np.float32)
-    fine, fine_index = radiosity, points.flat_index
+    fine, fine_index = _channel_sum(radiosity), points.flat_index
     for level in (2, 4, 6):
         if level <= len(pyramid.radiosity):
-            block = pyramid.radiosity[level - 1]
-            coarse, coarse_index = block.reshape(-1, block.shape[2]), (row >> level) * block.shape[1] + (col >> level)
-            _add_changes(fine, fine_index, coarse, coarse_index, changes)
-            fine, fine_index = coarse, coarse_index
+            block = pyramid.radiosity[level - 1].sum(axis=2)
+            coarse_index = (row >> level) * block.shape[1] + (col >> level)
+            _add_changes(fine, fine_index, block.reshape(-1), coarse_index, changes)
+            fine, fine_index = block.reshape(-1), coarse_index
     if len(pyramid.moments) >= 2:
-        block = pyramid.moments[1]
-        index = (row >> 2) * block.shape[1] + (col >> 2)
-        _add_uneven(points.area_mm2, block.reshape(-1, _MOMENTS), index, fine, fine_index, changes)
+        moments = pyramid.moments[1]
+        index = (row >> 2) * moments.shape[1] + (col >> 2)
+        _add_uneven(points.area_mm2, moments.reshape(-1, _MOMENTS), index, fine, fine_index, changes)
     return changes
+
+
+@njit(cache=True, parallel=True)
+def _channel_sum(radiosity):  # type: ignore[no-untyped-def]
+    out = np.zeros(radiosity.shape[1], np.float32)
+    for texel in prange(len(out)):
+        for light in range(len(radiosity)):
+            for c in range(3):
+                out[texel] += radiosity[light, texel, c]
+    return out
 
 
 @njit(cache=True, parallel=True)
 def _add_changes(fine, fine_index, coarse, coarse_index, changes):  # type: ignore[no-untyped-def]
     for k in prange(len(changes)):
-        difference = np.float32(0)
-        for c in range(fine.shape[1]):
-            difference += fine[fine_index[k], c] - coarse[coarse_index[k], c]
-        changes[k] += abs(difference)
+        changes[k] += abs(fine[fine_index[k]] - coarse[coarse_index[k]])
 
 
 @njit(cache=True, parallel=True)
@@ -147,10 +155,8 @@ def _add_uneven(area, moments, index, light, light_index, changes):  # type: ign
         uneven = abs(np.log(max(area[k], faint) / (mean_area / np.float32(16))))
         # A square's spread is a twelfth of its area
         stretched = np.log(max(np.float32(12) * moments[index[k], 4] / mean_area, np.float32(1)))
-        around = np.float32(0)
-        for c in range(light.shape[1]):
-            around += light[light_index[k], c]
-        changes[k] += np.float32(0.3) * (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
+        around = np.float32(0.3) * light[light_index[k]]
+        changes[k] += (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
 
 
 @njit(cache=True, parallel=True)
@@ -168,8 +174,9 @@ def _first_level(row_of, position, normal, area, radiosity, out, mean):  # type:
                     for axis in range(3):
                         out[i, j, 1 + axis] += area[k] * position[k, axis]
                         out[i, j, 5 + axis] += area[k] * normal[k, axis]
-                    for q in range(mean.shape[2]):
-                        mean[i, j, q] += area[k] * radiosity[r * width + c, q]
+                    for light in range(len(radiosity)):
+                        for q in range(3):
+                            mean[i, j, 3 * light + q] += area[k] * radiosity[light, r * width + c, q]
             if total <= 0:
                 continue
             _divide(out[i, j], mean[i, j], total)
@@ -279,6 +286,7 @@ def _emit_single(row_of, position, normal, area, light, taken, start, out):  # t
                 for axis in range(3):
                     out[n, axis], out[n, 3 + axis] = position[k, axis], normal[k, axis]
                 out[n, 6], out[n, 7] = 0.0, area[k]
-                for q in range(light.shape[1]):
-                    out[n, 8 + q] = light[r * width + c, q]
+                for one in range(len(light)):
+                    for q in range(3):
+                        out[n, 8 + 3 * one + q] = light[one, r * width + c, q]
                 n += 1

@@ -61,12 +61,8 @@ class Diffuser:
 
     @cached_property
     def surface(self) -> SurfaceLight:
-        """Light as clusters; a single light is not copied."""
-        flat = [
-            s[0] if self.lights == 1 else np.ascontiguousarray(s.transpose(1, 2, 0, 3)).reshape(*self.size, -1)
-            for s in self.source
-        ]
-        return surface_light(flat, self.atlas, self.mesh)
+        """Light as clusters."""
+        return surface_light(self.source, self.atlas, self.mesh)
 
     @cached_property
     def pyramids(self) -> list[TexturePyramid]:
@@ -86,7 +82,11 @@ class Diffuser:
         """Skin points of each tile's texels at a stored size, continued beyond the charts' borders."""
         if level not in self._targets:
             atlas = self.level_atlas(level)
-            self._targets[level] = [texel_points(r, self.mesh, self.surface.centre_mm, extend=True) for r in atlas]
+            extended = [texel_points(r, self.mesh, self.surface.centre_mm, extend=True) for r in atlas]
+            if level == 0:  # all but the positions is the same: keep it once
+                own = (points for points, _, _ in self.surface.tiles)
+                extended = [replace(p, position=e.position) for p, e in zip(own, extended, strict=True)]
+            self._targets[level] = extended
         return self._targets[level]
 
     def sources(self, variance_mm2: float, spacing: float) -> LobeSources:
@@ -236,7 +236,7 @@ class Diffuser:
         for k, points in enumerate(self.targets(level)):
             flat = np.zeros((points.row.size, 3 * self.lights), np.float32)
             if level == 0:
-                flat[:] = self.surface.tiles[k][1]
+                flat.reshape(-1, self.lights, 3)[:] = self.surface.tiles[k][1].transpose(1, 0, 2)
             if coarse is not None:
                 left = interpolate_smooth(coarse[k], points.row, self._least_sigma(level)[k], sigma, flat)
                 points = replace(points, row=left)

@@ -43,7 +43,7 @@ class SurfaceLight:
     ----------
     centre_mm : ndarray of shape (3,)
         Origin of every position, so that float32 resolves them.
-    tiles : tuple of (TexelPoints, radiosity (H * W, C), MomentPyramid)
+    tiles : tuple of (TexelPoints, radiosity (L, H * W, 3), MomentPyramid)
     """
 
     centre_mm: Float
@@ -52,7 +52,7 @@ class SurfaceLight:
     @property
     def channels(self) -> int:
         """Three for each light."""
-        return self.tiles[0][1].shape[1]
+        return 3 * len(self.tiles[0][1])
 
     @cached_property
     def mean_texel_mm2(self) -> float:
@@ -83,15 +83,15 @@ def surface_light(radiosity: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: 
 
     Parameters
     ----------
-    radiosity : sequence of ndarray of shape (H, W, C), float32
-        In the order of the atlas.
+    radiosity : sequence of ndarray of shape (L, H, W, 3), float32
+        In the order of the atlas; not copied.
     """
     corners = mesh.corner_position_mm.reshape(-1, 3)
     centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     tiles = []
     for raster, values in zip(atlas, radiosity, strict=True):
         points = texel_points(raster, mesh, centre)
-        flat = values.reshape(-1, values.shape[-1])
+        flat = values.reshape(len(values), -1, 3)
         levels = min(_LEVELS, max(raster.shape).bit_length())
         tiles.append((points, flat, moment_pyramid(points, flat, levels)))
     return SurfaceLight(centre, tuple(tiles))

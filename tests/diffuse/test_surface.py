@@ -43,7 +43,7 @@ def _bumps(height_mm=18.0):
 def test_reference_equals_brute_force(variance, separate):
     """To 1e-6, for lobes from a third of a texel up: nothing of the neighbour search shows."""
     mesh, atlas, (light,) = _bumps()
-    flat = surface_light([light[0]], atlas, mesh)
+    flat = surface_light([light], atlas, mesh)
     texels = flat.texels
     points = flat.tiles[0][0]
     pick = np.flatnonzero(points.area_mm2 > 0)[::301]
