@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skinbake.cli import run
+from skinbake.cli.measuring import in_child, own_peak_mib
 from skinbake.io.mesh import write_obj
 from tests.conftest import ROOT
 from tests.shapes import quad, sphere
@@ -147,3 +148,36 @@ def test_flipped_triangles_are_only_reported(tmp_path, capsys):
     report = json.loads(capsys.readouterr().out)
     assert report["uv"]["flipped"] == 2
     assert report["uv"]["overlapping"] == 0
+
+
+def bake_and_weigh(config: str) -> float:
+    """Peak memory of a bake, MiB; for a process of its own."""
+    assert run(["bake", config, "--quiet", "--no-preview"]) == 0
+    return own_peak_mib()
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """Machine code is made in another process than the one whose memory is measured."""
+    out = tmp_path_factory.mktemp("compiled")
+    overrides = ["--set", "texture.size=64", "--set", "diffusion.tolerance=1"]
+    in_child(run, ["bake", str(ROOT / "configs" / "head.yaml"), "--out", str(out), "--no-preview", *overrides])
+
+
+@pytest.mark.usefixtures("compiled")
+@pytest.mark.parametrize("output", ["half, lights: separate", "float, lights: total"])
+def test_what_is_expected_comes_true(tmp_path, capsys, output):
+    """A bake of the sample head takes the memory and leaves the bytes that `check` said, within a factor 1.5."""
+    config = tmp_path / "head.yaml"
+    text = (ROOT / "configs" / "head.yaml").read_text().replace("../data", str(ROOT / "data"))
+    text = text.replace("../out/head", str(tmp_path / "out")).replace("{dir:", f"{{precision: {output}, dir:")
+    config.write_text(text.replace("size: 2048", "size: 384"))
+    assert run(["check", str(config), "--json"]) == 0
+    expected = json.loads(capsys.readouterr().out)["expected"]
+    found = {"memory_mib": in_child(bake_and_weigh, str(config))}
+    manifest = json.loads((tmp_path / "out" / "bake.json").read_text())
+    mib = {name: size / 2**20 for name, size in manifest["bytes"].items()}
+    found["irradiance_mib"] = sum(size for name, size in mib.items() if name.startswith("irradiance"))
+    found["lobes_mib"] = sum(mib.values()) - found["irradiance_mib"]
+    for name, value in found.items():
+        assert 1 / 1.5 < expected[name] / value < 1.5, (name, expected[name], value)
