@@ -77,6 +77,14 @@ def metres(look, folder):
     write_obj(folder / "head.obj", quad(0.24, 0.2))
 
 
+def other_uvs(change):
+    def write(look, folder):
+        mesh = quad(240.0, 200.0, columns=3, rows=3)
+        write_obj(folder / "head.obj", type(mesh)(mesh.positions_mm, mesh.faces, change(mesh), mesh.corner_normal))
+
+    return write
+
+
 def inside_a_file(look, folder):
     (folder / "taken").write_text("a file")
     put(look, "output.dir", str(folder / "taken" / "out"))
@@ -108,6 +116,9 @@ CASES = {
     "mesh in metres read as millimetres": (metres, "set mesh.unit: m (240 mm)"),
     "mesh in millimetres read as metres": (keyed("mesh.unit", "m"), "set mesh.unit: mm (240 mm)"),
     "mesh of an unknown kind": (as_file("mesh.path", "head.blend", b"BLENDER"), "expected a mesh file (.obj"),
+    "uvs outside the texture": (other_uvs(lambda m: m.corner_uv + np.array([1.5, 0])), "set texture.udim: true"),
+    "uvs without area": (other_uvs(lambda m: m.corner_uv * [1, 0]), "have no UV area"),
+    "stacked charts": (other_uvs(lambda m: m.corner_uv[:1].repeat(len(m.faces), axis=0)), "share texels with others"),
     "unit unknown": (keyed("mesh.unit", "furlong"), "mesh.unit"),
     "unit twice": (keyed("mesh.mm_per_unit", 10), "exactly one of unit"),
     "unit zero": (keyed("mesh", {"path": "head.obj", "mm_per_unit": 0}), "mm_per_unit"),

@@ -11,6 +11,7 @@ from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.occluder import Occluder
 from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.maps import SkinMaps
+from skinbake.scene.plan_line import PlanLine
 from tests.shapes import joined, quad, relief, sphere
 
 SIZE = (96, 64)
@@ -121,3 +122,52 @@ def test_a_black_sky_is_black():
     _, result = light_one(quad(), sky(radiance=(0, 0, 0)))
     assert (result.rgb == 0).all()
     assert not result.plan["sky"][1].kept
+
+
+LOOK = """
+mesh: {{path: {mesh}, unit: mm, any_size: true}}
+texture: {{size: [48, 40], gutter: 2}}
+skin: {{model: gaussians, variance_mm2: [0.5], weight_rgb: [[1, 1, 1]]}}
+lights:
+  - {{name: sky, type: environment, radiance: [1, 1, 1]}}
+  - {{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}}
+diffusion: {{probes: 50, tolerance: 0.05}}
+output: {{dir: out}}
+"""
+
+
+def test_the_plan_is_kept_with_the_light(tmp_path):
+    """bake.json tells the decision when the light was traced, when its file is reused, and when the cache had it."""
+    import json
+
+    from skinbake.cli import run
+    from skinbake.io.mesh import write_obj
+
+    write_obj(tmp_path / "mesh.obj", relief())
+    look = tmp_path / "look.yaml"
+    look.write_text(LOOK.format(mesh=tmp_path / "mesh.obj"))
+    told = []
+    cache = ["--cache", str(tmp_path / "cache")]
+    for out, more in (("a", cache), ("a", ["--set", "skin.variance_mm2=[0.6]"]), ("b", cache)):
+        assert run(["bake", str(look), "--out", str(tmp_path / out), "--quiet", "--no-preview", *more]) in (0, 1)
+        plan = json.loads((tmp_path / out / "bake.json").read_text())["plan"]
+        told.append([PlanLine(**line) for line in plan if line["term"].startswith("sky.")])
+    assert [line.term for line in told[0]] == ["sky.harmonics", "sky.shadows"]
+    assert told[0] == told[1] == told[2]
+
+
+def test_the_tolerance_is_part_of_a_sky_s_key_only():
+    """Another tolerance plans the sky anew, and leaves the other lights' files as they are."""
+    import yaml
+
+    from skinbake.cli.keys import light_key
+    from skinbake.scene.spec import SceneSpec
+
+    data = yaml.safe_load(LOOK.format(mesh="m.obj"))
+    inputs = {"mesh": "0"}
+    keys = []
+    for tolerance in (0.05, 0.01):
+        spec = SceneSpec.model_validate(data | {"diffusion": {"tolerance": tolerance}})
+        keys.append([light_key(spec, inputs, name, False) for name in ("sky", "key")])
+    assert keys[0][0] != keys[1][0]
+    assert keys[0][1] == keys[1][1]
