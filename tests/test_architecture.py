@@ -21,6 +21,8 @@ ORDER = [
     "tradeoff",
     "preview",
     "io",
+    "bake",
+    "batch",
     "cli",
 ]
 FILES = sorted((ROOT / "skinbake").rglob("*.py"))

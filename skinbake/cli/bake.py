@@ -30,8 +30,8 @@ def command(
     verbosity: int,
 ) -> None:
     """Bake CONFIG: profile, irradiance, diffusion, measured error, preview."""
-    from skinbake.cli.baking import bake_look
-    from skinbake.cli.workshop import Workshop
+    from skinbake.bake.baking import bake_look
+    from skinbake.bake.workshop import Workshop
     from skinbake.io.cache import DEFAULT_LIMIT_BYTES, FOLDER
     from skinbake.io.config import load_look
 

@@ -52,7 +52,7 @@ def command(
 
     from rich.console import Console
 
-    from skinbake.cli.batching import Plan, dry_run_lines, run_batch
+    from skinbake.batch.batching import Plan, dry_run_lines, run_batch
     from skinbake.io.batch_file import load_batch
     from skinbake.io.cache import cache_folder
 

@@ -23,8 +23,8 @@ def command(
     """
     from pathlib import Path
 
-    from skinbake.cli.baking import manifest_of, put_manifest, report
-    from skinbake.cli.stages import Stages
+    from skinbake.bake.baking import manifest_of, put_manifest, report
+    from skinbake.bake.stages import Stages
     from skinbake.errors import ToleranceMissedError
     from skinbake.io.config import load_look
     from skinbake.io.fingerprint import sha256_of

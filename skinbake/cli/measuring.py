@@ -8,7 +8,6 @@ exact surface integral there.
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 import time
 from collections.abc import Callable
@@ -250,7 +249,7 @@ def _albedo_after(spec: SceneSpec, albedo: Any, constant: tuple[float, float, fl
 
 
 def _bake(spec: SceneSpec, folder: Path) -> dict[str, Any]:
-    from skinbake.cli.baking import bake_look
+    from skinbake.bake.baking import bake_look
     from skinbake.io.manifest import read_manifest
 
     spec = spec.model_copy(update={"output": spec.output.model_copy(update={"dir": str(folder)})})
@@ -292,15 +291,10 @@ def _picture(folder: Path) -> NDArray[np.float32] | None:
 
 def own_peak_mib() -> float:
     """Largest resident size of this process; where Linux tells, without what its parent had when it was started."""
-    from skinbake.cli.memory import peak_memory_mib
+    from skinbake.bake.machine import peak_memory_mib
 
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) / 1024
     return peak_memory_mib()
-
-
-def processors() -> int:
-    """Cores that a measured bake may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

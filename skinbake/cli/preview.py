@@ -100,7 +100,7 @@ def render_still(
     verbosity: int = 0,
 ) -> list[Path]:
     """Render pictures of a bake folder and give the paths of the PNGs; the defaults render FOLDER/preview.png."""
-    from skinbake.cli.still import render
+    from skinbake.bake.still import render
     from skinbake.io.bake_folder import read_bake_folder
 
     baked = read_bake_folder(folder, summed=not gains)

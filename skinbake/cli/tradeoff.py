@@ -276,7 +276,7 @@ class Measurements:
 
     def write(self, rows: list[Row], final: bool = False) -> None:
         """Tables each time, the chart at the end."""
-        from skinbake.cli.measuring import processors
+        from skinbake.bake.machine import processors
         from skinbake.io.tradeoff import write_tables
 
         if not rows:

@@ -59,8 +59,8 @@ class Here:
 
 @pytest.fixture
 def here(monkeypatch):
-    monkeypatch.setattr("skinbake.cli.batching.Crew", Here)
-    monkeypatch.setattr("skinbake.cli.workshop._LAST", {})
+    monkeypatch.setattr("skinbake.batch.batching.Crew", Here)
+    monkeypatch.setattr("skinbake.bake.workshop._LAST", {})
 
 
 @pytest.fixture

@@ -209,7 +209,7 @@ def test_an_input_that_vanishes_is_named_and_its_return_heals(bakes):
 
 def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
     """Else its results would be kept under the key of what it was before."""
-    from skinbake.cli import look_folder
+    from skinbake.bake import look_folder
     from skinbake.io.config import load_look
 
     stage = look_folder.LookFolder(load_look(bakes.folder / "look.yaml"), verbosity=0)

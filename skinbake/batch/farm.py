@@ -14,7 +14,7 @@ import uuid
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from skinbake.cli.crew import Listen, Work, fewer_threads
+from skinbake.batch.crew import Listen, Work, fewer_threads
 from skinbake.errors import MachineError, SkinbakeError
 
 LOCAL = "local"

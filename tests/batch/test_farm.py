@@ -17,9 +17,9 @@ pytest.importorskip("distributed", reason="the extra `farm` is not installed")
 
 CLIENT = """
 import json, sys
-from skinbake.cli import farm
-from skinbake.cli.farm import run_on_dask
-from tests.cli.fake_jobs import work
+from skinbake.batch import farm
+from skinbake.batch.farm import run_on_dask
+from tests.batch.fake_jobs import work
 if __name__ == "__main__":
     address, payloads = sys.argv[1], json.loads(sys.argv[2])
     farm.CONNECT_S, events = 5, []

@@ -12,9 +12,9 @@ import skinbake
 from skinbake import pipeline
 from skinbake.atlas import Atlas
 from skinbake.atlas.report import refuse_spoilt, uv_report
-from skinbake.cli.keys import blur_key, profile_key, raster_key
-from skinbake.cli.look_folder import FIT_FILES, LookFolder
-from skinbake.cli.shared import atlas_entry, atlas_of_entry, light_entries, merged_lights
+from skinbake.bake.keys import blur_key, profile_key, raster_key
+from skinbake.bake.look_folder import FIT_FILES, LookFolder
+from skinbake.bake.shared import atlas_entry, atlas_of_entry, light_entries, merged_lights
 from skinbake.diffuse import DiffuseMap
 from skinbake.errors import InputError
 from skinbake.io.irradiance import read_irradiance, write_irradiance

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from skinbake.cli.baking import preview_is_current
-from skinbake.cli.keys import preview_key
-from skinbake.cli.look_folder import LookFolder
+from skinbake.bake.baking import preview_is_current
+from skinbake.bake.keys import preview_key
+from skinbake.bake.look_folder import LookFolder
 
 
 def stale_stages(stages: LookFolder, preview: bool) -> dict[str, str]:

@@ -11,10 +11,10 @@ from typing import Any
 
 import skinbake
 from skinbake import pipeline
-from skinbake.cli.keys import preview_key
-from skinbake.cli.memory import peak_memory_mib
-from skinbake.cli.stages import Stages
-from skinbake.cli.workshop import Workshop
+from skinbake.bake.keys import preview_key
+from skinbake.bake.machine import peak_memory_mib
+from skinbake.bake.stages import Stages
+from skinbake.bake.workshop import Workshop
 from skinbake.diffuse import DiffuseMap, PlanLine
 from skinbake.errors import InputError, ToleranceMissedError
 from skinbake.io.atomic import write_text
@@ -107,15 +107,16 @@ def _draw(stages: Stages, gaussians: GaussianSum, draw: Callable[[], None]) -> N
 
 def _render_held(stages: Stages, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap) -> None:
     """From memory, while the files are written; the same picture."""
-    from skinbake.cli.still import render, scene_of
+    from skinbake.bake.still import render, scene_of
 
     render(scene_of(stages.spec, stages.scene, irradiance, result), stages.spec.preview, stages.out)
 
 
 def _render_folder(stages: Stages) -> None:
-    from skinbake.cli.preview import render_still
+    from skinbake.bake.still import render
+    from skinbake.io.bake_folder import read_bake_folder
 
-    render_still(stages.out)
+    render(read_bake_folder(stages.out, summed=True).scene, stages.spec.preview, stages.out)
 
 
 def preview_is_current(folder: Path, key: str) -> bool:

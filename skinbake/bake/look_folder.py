@@ -14,9 +14,9 @@ from rich.console import Console
 
 from skinbake import pipeline
 from skinbake.atlas import tiles_of
-from skinbake.cli.keys import diffuse_key, light_key, profile_key
-from skinbake.cli.memory import give_back_freed
-from skinbake.cli.workshop import Workshop
+from skinbake.bake.keys import diffuse_key, light_key, profile_key
+from skinbake.bake.machine import give_back_freed
+from skinbake.bake.workshop import Workshop
 from skinbake.diffuse import DiffuseMap
 from skinbake.errors import InputError
 from skinbake.io.background import Background

@@ -15,6 +15,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from skinbake.bake.machine import processors
 from skinbake.errors import SkinbakeError
 
 Listen = Callable[[str, Any], None]  # job's name, event
@@ -180,11 +181,6 @@ def fewer_threads(workers: int) -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-
-
-def processors() -> int:
-    """Processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def resident_mib(pid: int | None) -> float:

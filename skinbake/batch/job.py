@@ -38,8 +38,8 @@ def bake_job(order: Order, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
     MachineError
         Disk full, no OpenGL, other code than the one that gave the order.
     """
-    from skinbake.cli.baking import bake_look
-    from skinbake.cli.workshop import Workshop
+    from skinbake.bake.baking import bake_look
+    from skinbake.bake.workshop import Workshop
     from skinbake.io.fingerprint import code_key
     from skinbake.io.manifest import read_manifest
 

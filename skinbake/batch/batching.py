@@ -13,9 +13,9 @@ from typing import Any
 from rich.console import Console
 
 import skinbake
-from skinbake.cli.crew import Crew
-from skinbake.cli.job import Order, bake_job
-from skinbake.cli.progress import BatchProgress
+from skinbake.batch.crew import Crew
+from skinbake.batch.job import Order, bake_job
+from skinbake.batch.progress import BatchProgress
 from skinbake.errors import SkinbakeError
 from skinbake.io.atomic import write_text
 from skinbake.io.batch_file import Batch, BatchJob
@@ -60,7 +60,7 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
     peak = None
     with BatchProgress(len(jobs), plan.workers, console) as progress:
         if plan.dask:
-            from skinbake.cli.farm import run_on_dask
+            from skinbake.batch.farm import run_on_dask
 
             results = run_on_dask(
                 plan.dask, bake_job, payloads, progress.hear, plan.workers, plan.retries, plan.keep_going
@@ -134,9 +134,9 @@ def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
 
 def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
     """A line a look: its stages that would run, and why; and whether every input is there."""
-    from skinbake.cli.look_folder import LookFolder
-    from skinbake.cli.stale import stale_stages
-    from skinbake.cli.workshop import Workshop
+    from skinbake.bake.look_folder import LookFolder
+    from skinbake.bake.stale import stale_stages
+    from skinbake.bake.workshop import Workshop
 
     lines, ok = [], True
     for job in plan.selected:

@@ -5,8 +5,9 @@ import time
 
 import pytest
 
-from skinbake.cli.crew import Crew, processors
-from tests.cli.fake_jobs import work
+from skinbake.bake.machine import processors
+from skinbake.batch.crew import Crew
+from tests.batch.fake_jobs import work
 from tests.conftest import ROOT
 
 
@@ -69,7 +70,7 @@ def test_a_killed_process_is_tried_again(tmp_path):
 def test_workers_end_with_a_killed_parent(tmp_path):
     """After SIGKILL of the batch no process goes on holding folders."""
     code = (
-        "from skinbake.cli.crew import Crew; from tests.cli.fake_jobs import work\n"
+        "from skinbake.batch.crew import Crew; from tests.batch.fake_jobs import work\n"
         f"if __name__ == '__main__': Crew(work, 2, 0, lambda *_: None).run("
         f"{{n: {{'seconds': 60, 'log': {str(tmp_path / 'log')!r}}} for n in 'ab'}})\n"
     )
