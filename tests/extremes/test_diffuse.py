@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse import diffuse
 from skinbake.diffuse.lattice import discrete_gaussian
+from skinbake.diffuse.stretch import stretch_blur
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.spec import DiffusionSpec
 from tests.extremes.moves import moved, relative, rotation, uv_turned
@@ -127,3 +128,26 @@ def test_the_widest_blur_is_the_mean(method):
     out, _ = blurred(mesh, light, 1e5, method)
     bound = {"texture": 2e-4, "stretch": 2e-2, "surface": 1e-5}[method]
     np.testing.assert_allclose(out, np.broadcast_to(light.mean(axis=(0, 1)), out.shape), rtol=bound)
+
+
+@pytest.mark.parametrize(("peak", "allowed"), [(1.0, 3e-6), (1e6, 5e-5)])
+def test_stretch_in_float32_beside_a_sun_glint(peak, allowed):
+    """Against float64 with the library's exp, of each texel's own value; the glint shows the far tail's own digits."""
+    rng = np.random.default_rng(5)
+    height, width, reach = 37, 45, 7  # CUT_SIGMA deviations of the wider axis, below
+    light = rng.random((1, height, width, 3)).astype(np.float32) + np.float32(0.5)
+    light[0, 18, 20] = peak
+    area = (0.2 + rng.random((height, width))).astype(np.float32)
+    chart = np.zeros((height, width), np.int32)
+    chart[:, 30:] = 1
+    covariance = np.broadcast_to(np.array([4.0, 1.0, 4.0], np.float32), (height, width, 3)).copy()
+    got = stretch_blur(light, area, chart, covariance)[0]
+    inverse = np.linalg.inv([[4.0, 1.0], [1.0, 4.0]])
+    dy, dx = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    falloff = np.exp(-0.5 * (inverse[0, 0] * dx**2 + 2 * inverse[0, 1] * dx * dy + inverse[1, 1] * dy**2))
+    for row, col in [(0, 0), (18, 14), (18, 29), (18, 30), (36, 44), (12, 22), (20, 26)]:
+        rows, cols = np.clip(row + dy, 0, height - 1), np.clip(col + dx, 0, width - 1)
+        inside = (rows == row + dy) & (cols == col + dx) & (chart[rows, cols] == chart[row, col])
+        weight = falloff * inside * area[rows, cols].astype(np.float64)
+        want = (weight[..., None] * light[0][rows, cols]).sum(axis=(0, 1)) / weight.sum()
+        np.testing.assert_allclose(got[row, col], want, rtol=allowed)
