@@ -121,7 +121,10 @@ _overload(max, _most)
 
 @njit(cache=True, inline="always")
 def gaussian(x):  # type: ignore[no-untyped-def]
-    """exp(-32 x) as (Taylor of exp(-x))^32 for x >= 0, held from x = 1 on: off by at most 1e-6; scalar or lanes."""
+    """exp(-32 x) as (Taylor of exp(-x))^32 for x >= 0, held from x = 1 on; scalar or lanes.
+
+    Off by at most 1e-6 of its peak, and by 7e-5 of itself at 3.5 sigma, where sums over lobes are cut.
+    """
     e = min(x, np.float32(1))
     p = np.float32(1) - e * (np.float32(1) - e * (np.float32(1 / 2) - e * (np.float32(1 / 6) - e * np.float32(1 / 24))))
     p = p * p

@@ -130,7 +130,7 @@ def test_the_widest_blur_is_the_mean(method):
     np.testing.assert_allclose(out, np.broadcast_to(light.mean(axis=(0, 1)), out.shape), rtol=bound)
 
 
-@pytest.mark.parametrize(("peak", "allowed"), [(1.0, 3e-6), (1e6, 5e-5)])
+@pytest.mark.parametrize(("peak", "allowed"), [(1.0, 3e-6), (1e6, 1e-4)])
 def test_stretch_in_float32_beside_a_sun_glint(peak, allowed):
     """Against float64 with the library's exp, of each texel's own value; the glint shows the far tail's own digits."""
     rng = np.random.default_rng(5)
