@@ -160,8 +160,8 @@ def bake_and_weigh(config: str) -> float:
 def compiled(tmp_path_factory):
     """Machine code is made in another process than the one whose memory is measured."""
     out = tmp_path_factory.mktemp("compiled")
-    overrides = ["--set", "texture.size=64", "--set", "diffusion.tolerance=1"]
-    in_child(run, ["bake", str(ROOT / "configs" / "head.yaml"), "--out", str(out), "--no-preview", *overrides])
+    head = str(ROOT / "configs" / "head.yaml")
+    in_child(run, ["bake", head, "--out", str(out), "--quiet", "--no-preview", "--set", "texture.size=384"])
 
 
 @pytest.mark.usefixtures("compiled")
