@@ -160,7 +160,7 @@ def test_the_tolerance_is_part_of_a_sky_s_key_only():
     """Another tolerance plans the sky anew, and leaves the other lights' files as they are."""
     import yaml
 
-    from skinbake.cli.keys import light_key
+    from skinbake.bake.keys import light_key
     from skinbake.scene.spec import SceneSpec
 
     data = yaml.safe_load(LOOK.format(mesh="m.obj"))
