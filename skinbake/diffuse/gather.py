@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from skinbake.diffuse.lanes import LANES, gaussian, load, splat, store
+from skinbake.diffuse.lanes import LANES, gaussian, load, mul_add, splat, store
 from skinbake.diffuse.rows import AMPLITUDE, LIGHT, NARROWING, NORMAL
 from skinbake.diffuse.separate import passes
 
@@ -96,23 +96,23 @@ def _gather_batch(  # type: ignore[no-untyped-def]
                 if source[s, 0] > x1 - less:
                     break
                 dx, dy, dz = source[s, 0] - x, source[s, 1] - y, source[s, 2] - z
-                distance2 = dx * dx + dy * dy + dz * dz
+                distance2 = mul_add(dx, dx, mul_add(dy, dy, dz * dz))
                 w = gaussian(distance2 * (rate * source[s, NARROWING])) * (source[s, AMPLITUDE] * scale)
                 if separate:
                     mx, my, mz = source[s, NORMAL], source[s, NORMAL + 1], source[s, NORMAL + 2]
                     if ax * mx + ay * my + az * mz < sine:
                         w *= passes(
-                            nx * mx + ny * my + nz * mz,
-                            nx * dx + ny * dy + nz * dz,
-                            _ZERO - (dx * mx + dy * my + dz * mz),
+                            mul_add(nx, mx, mul_add(ny, my, nz * mz)),
+                            mul_add(nx, dx, mul_add(ny, dy, nz * dz)),
+                            _ZERO - mul_add(dx, mx, mul_add(dy, my, dz * mz)),
                             distance2 + _TINY,
                         )
                 total += w
-                red += w * source[s, LIGHT]
-                green += w * source[s, LIGHT + 1]
-                blue += w * source[s, LIGHT + 2]
+                red = mul_add(w, source[s, LIGHT], red)
+                green = mul_add(w, source[s, LIGHT + 1], green)
+                blue = mul_add(w, source[s, LIGHT + 2], blue)
                 for c in range(channels - 3):
-                    store(more, c * LANES, load(more, c * LANES) + w * source[s, LIGHT + 3 + c])
+                    store(more, c * LANES, mul_add(w, source[s, LIGHT + 3 + c], load(more, c * LANES)))
 
     sums = scratch[4 + channels :]
     store(sums.reshape(-1), 0, red)

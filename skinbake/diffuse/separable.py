@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.diffuse.lanes import LANES, load, splat, store
+from skinbake.diffuse.lanes import LANES, load, mul_add, splat, store
 
 _ROWS = 16
 _CHUNK = 64  # rows that share their scratch memory
@@ -111,10 +111,10 @@ def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-un
         here = start + i
         for k in range(len(weights)):
             w = weights[k]
-            a += w * load(source, here)
-            b += w * load(source, here + LANES)
-            c += w * load(source, here + 2 * LANES)
-            d += w * load(source, here + 3 * LANES)
+            a = mul_add(w, load(source, here), a)
+            b = mul_add(w, load(source, here + LANES), b)
+            c = mul_add(w, load(source, here + 2 * LANES), c)
+            d = mul_add(w, load(source, here + 3 * LANES), d)
             here += stride
         store(to, at + i, a)
         store(to, at + i + LANES, b)

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, interpolate, signed_uv_area
-from skinbake.diffuse.lanes import LANES, gaussian, load, same, splat, store
+from skinbake.diffuse.lanes import LANES, gaussian, load, mul_add, same, splat, store
 from skinbake.diffuse.lattice import lattice_gaussian
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
@@ -175,14 +175,14 @@ def _gather(planes, chart_padded, form, reach, chart, pad, out):  # type: ignore
                 for dx in range(-int(reach_x), int(reach_x) + 1):
                     fx, fy = np.float32(dx), np.float32(dy)
                     here = (row + dy + pad) * stride + left + dx + pad
-                    w = gaussian(xx * (fx * fx) + xy * (fx * fy) + yy * (fy * fy))
+                    w = gaussian(mul_add(xx, fx * fx, mul_add(xy, fx * fy, yy * (fy * fy))))
                     w = w * load(texels, channels * plane + here) * same(load(charts, here), mine)
                     total += w
-                    red += w * load(texels, here)
-                    green += w * load(texels, plane + here)
-                    blue += w * load(texels, 2 * plane + here)
+                    red = mul_add(w, load(texels, here), red)
+                    green = mul_add(w, load(texels, plane + here), green)
+                    blue = mul_add(w, load(texels, 2 * plane + here), blue)
                     for k in range(3, channels):
-                        store(acc, k * LANES, load(acc, k * LANES) + w * load(texels, k * plane + here))
+                        store(acc, k * LANES, mul_add(w, load(texels, k * plane + here), load(acc, k * LANES)))
             store(acc, 0, red)
             store(acc, LANES, green)
             store(acc, 2 * LANES, blue)
