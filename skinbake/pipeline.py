@@ -93,9 +93,13 @@ def scatter(
     """Lobes of irradiance times albedo^x, x = 1 for pre-scatter texturing, and light through thin parts."""
     exponent = np.float32(spec.texturing.exponent_before)
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
+    names, light = irradiance[0].lights, {tile.tile: tile.rgb for tile in irradiance}
+    if spec.output.lights == "total":  # blurring is linear: what is stored summed is blurred summed
+        names = ("total",)
+        light = {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in light.items()}
     diffused = diffuse(
-        {tile.tile: tile.rgb * colour**exponent for tile, colour in zip(irradiance, albedo, strict=True)},
-        irradiance[0].lights,
+        {tile: rgb * colour**exponent for (tile, rgb), colour in zip(light.items(), albedo, strict=True)},
+        names,
         atlas,
         scene.mesh,
         gaussians,

@@ -16,6 +16,7 @@ from skinbake.bake.keys import blur_key, profile_key, raster_key
 from skinbake.bake.look_folder import FIT_FILES, LookFolder
 from skinbake.bake.shared import atlas_entry, atlas_of_entry, light_entries, merged_lights
 from skinbake.diffuse import DiffuseMap
+from skinbake.diffuse.memory import check_memory
 from skinbake.errors import InputError
 from skinbake.io.irradiance import read_irradiance, write_irradiance
 from skinbake.io.lobes import write_lobes
@@ -65,8 +66,13 @@ class Stages(LookFolder):
         ------
         InputError
             A file that cannot be used, or UVs whose faults `check` reports.
+        MachineError
+            More memory than there is.
         """
         if self.stale_lights() is not None:
+            lights = len(self.spec.lights) if self.spec.output.lights == "separate" else 1
+            size = self.spec.texture.size
+            check_memory((size[1], size[0]), lights, len(self.tiles), 6, self.spec.diffusion.method)
             refuse_spoilt(uv_report(self.scene.mesh, self.atlas), self.spec.mesh.path)
 
     @property
@@ -139,6 +145,7 @@ class Stages(LookFolder):
             with self.timed("diffuse", reused=True):
                 return found
         scene, atlas, cache = self.scene, self.atlas, self.cache
+        by_light = spec.output.lights == "separate"
 
         def remember(kind: Any, names: tuple[str, ...], make: Any) -> Any:
             assert cache is not None
@@ -152,7 +159,7 @@ class Stages(LookFolder):
                 irradiance,
                 gaussians,
                 say=lambda text: self.say(f"    {text}", 2),
-                remember=remember if cache is not None and isinstance(light_id, Mapping) else None,
+                remember=remember if cache is not None and isinstance(light_id, Mapping) and by_light else None,
             )
 
         def write() -> None:
@@ -166,7 +173,7 @@ class Stages(LookFolder):
                 self.header,
                 spec.output.precision,
                 spec.output.compression,
-                spec.output.lights == "separate",
+                by_light,
                 spec.texture.udim,
             )
 

@@ -8,7 +8,7 @@ from skinbake.errors import MachineError
 
 
 def memory_needed_bytes(
-    size: tuple[int, int], lights: int, tiles: int = 1, lobes: int = 6, method: str = "auto"
+    size: tuple[int, ...], lights: int, tiles: int = 1, lobes: int = 6, method: str = "auto"
 ) -> int:
     """Peak memory of the diffusion of full textures, an upper estimate from the arrays that live together.
 
@@ -40,7 +40,7 @@ def memory_needed_bytes(
     return int(texels * per_texel)
 
 
-def check_memory(size: tuple[int, int], lights: int, tiles: int, lobes: int, method: str) -> None:
+def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, method: str) -> None:
     """Refuse early what this machine cannot hold.
 
     Raises

@@ -103,11 +103,13 @@ def _percent(axis: Any) -> None:
 
 
 def _label(axes: Any, front: Sequence[Row]) -> None:
-    """Names of the front's points: below left of each, so that the line stays free."""
+    """Names of the front's points: below left of each, so that the line stays free; above right at the left edge."""
     for i, row in enumerate(front):
+        at_edge = row.seconds < 1.6 * front[0].seconds
+        offset, across, along = ((7, 4), "left", "bottom") if at_edge else ((-6, -6 - 11 * (i % 2)), "right", "top")
         axes.annotate(
             f"{row.sweep}: {row.label}" if row.sweep != "look" else row.label, (row.seconds, row.rms),
-            (-6, -6 - 11 * (i % 2)), textcoords="offset points", ha="right", va="top", fontsize=7.5,
+            offset, textcoords="offset points", ha=across, va=along, fontsize=7.5,
             arrowprops={"arrowstyle": "-", "lw": 0.5, "color": "0.5"}, zorder=4,
         )  # fmt: skip
 
