@@ -16,6 +16,7 @@ from skinbake.errors import MachineError
 from skinbake.irradiance.oil_albedo import specular_albedo_table
 from skinbake.preview.scene import PreviewScene
 
+SMALLEST = 256  # texels a side: a driver that has no room for that is not merely small
 _FORMAT = {1: GL.GL_RED, 2: GL.GL_RG, 3: GL.GL_RGB}
 _INTERNAL = {
     (1, "float16"): GL.GL_R16F,
@@ -30,6 +31,8 @@ _INTERNAL = {
 def upload(image: NDArray[np.floating]) -> int:
     """Make an array texture; single images have one layer, for a program may not mix kinds of samplers while unbound.
 
+    What the driver does not take is halved until it does: a preview of a huge bake is better than none.
+
     Parameters
     ----------
     image : ndarray of shape (L, h, w, k), float16 or float32, k in 1 ... 3
@@ -38,29 +41,47 @@ def upload(image: NDArray[np.floating]) -> int:
     Raises
     ------
     MachineError
-        Larger than the driver allows, or no memory for it.
+        No memory even for a small one.
     """
     dtype = "float16" if image.dtype == np.float16 else "float32"
     image = np.ascontiguousarray(image, dtype=dtype)
-    layers, height, width, channels = image.shape
     largest = int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE))
-    if max(height, width) > largest:
-        raise MachineError(
-            f"a texture of {width} x {height} is larger than this OpenGL allows ({largest}); bake a smaller one"
-        )
+    while max(image.shape[1:3]) > largest:
+        image = _halved(image)
+    while True:
+        texture = _bilinear_texture()
+        try:
+            _send(image, dtype)
+        except GL.GLError as error:
+            GL.glDeleteTextures([texture])
+            if max(image.shape[1:3]) <= SMALLEST:
+                size = f"{image.nbytes / 2**20:.0f} MiB"
+                raise MachineError(f"the graphics card took no texture of {size}: {error.description}") from error
+            image = _halved(image)
+        else:
+            return texture
 
-    texture = _bilinear_texture()
+
+def _send(image: NDArray[np.floating], dtype: str) -> None:
+    """Pixels of the texture that is bound."""
+    layers, height, width, channels = image.shape
     GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
     kind = GL.GL_HALF_FLOAT if dtype == "float16" else GL.GL_FLOAT
     internal, form = _INTERNAL[channels, dtype], _FORMAT[channels]
     pixels = ctypes.c_void_p(image.ctypes.data)  # as a pointer: PyOpenGL knows no array of halves
-    try:
-        GL.glTexImage3D(GL.GL_TEXTURE_2D_ARRAY, 0, internal, width, height, layers, 0, form, kind, pixels)
-    except GL.GLError as error:
-        GL.glDeleteTextures([texture])
-        size = f"{image.nbytes / 2**20:.0f} MiB"
-        raise MachineError(f"the graphics card took no texture of {size}: {error.description}") from error
-    return texture
+    GL.glTexImage3D(GL.GL_TEXTURE_2D_ARRAY, 0, internal, width, height, layers, 0, form, kind, pixels)
+
+
+def _halved(image: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Means of 2 x 2 texels; the last of an odd row or column is dropped."""
+    layers, height, width, channels = image.shape
+    top, left = 2 * np.arange(max(height // 2, 1)), 2 * np.arange(max(width // 2, 1))
+    below, right = np.minimum(top + 1, height - 1), np.minimum(left + 1, width - 1)
+    out = np.empty((layers, len(top), len(left), channels), image.dtype)
+    for layer in range(layers):
+        rows = np.add(image[layer, top], image[layer, below], dtype=np.float32)
+        out[layer] = 0.25 * (rows[:, left] + rows[:, right])
+    return out
 
 
 def blank(width: int, height: int) -> int:

@@ -105,10 +105,12 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
         label = f"{round(size[0] * scale)}, {method}, {count} G"
         add("together", label, _size(size, scale), f"diffusion.method={method}", f"skin.fit={{gaussians: {count}}}")
     if level:
-        for reference, rows in _terms(spec, base, level):
+        # What is modelled is compared under one and the same light, whatever tolerance a reference is baked to
+        same_light = (*base, *_samples(spec, 256))
+        for reference, rows in _terms(spec, same_light, level):
             references.append(reference)
             settings += rows
-        for reference, rows in _models(spec, base, level):
+        for reference, rows in _models(spec, same_light, level):
             references.append(reference)
             settings += rows
     twice = (_size(size, 2), *references[0].overrides[1:]) if level else ()

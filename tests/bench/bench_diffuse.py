@@ -148,6 +148,7 @@ def on_the_scan(size: int, probes: int) -> dict:
         ("texture", 0.003),
         ("stretch", 0.003),
         ("surface", 0.003),
+        ("surface", 0.01),
         ("auto", 0.003),
         ("auto", 0.01),
     ):

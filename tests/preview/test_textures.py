@@ -1,0 +1,50 @@
+"""A texture that the graphics card does not take is halved until it does."""
+
+import numpy as np
+import pytest
+from OpenGL import GL
+
+from skinbake.errors import MachineError
+from skinbake.preview import textures
+from tests.preview.scenes import scene
+
+
+@pytest.fixture(scope="module", autouse=True)
+def context():
+    from skinbake.preview.draw import Studio
+
+    try:
+        with Studio(scene()):
+            yield
+    except MachineError as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+def test_what_is_too_large_is_halved(monkeypatch, dtype):
+    """Twice here; each texel the mean of what it stands for. A driver without any room is an error."""
+    room, taken = 7104 * np.dtype(dtype).itemsize, []
+
+    def send(image, _):
+        if image.nbytes > room:
+            raise GL.GLError(GL.GL_OUT_OF_MEMORY, description=b"out of memory")
+        taken.append(image)
+
+    monkeypatch.setattr(textures, "_send", send)
+    monkeypatch.setattr(textures, "SMALLEST", 20)
+    ramp = np.broadcast_to(np.arange(150.0)[None, :, None, None], (2, 150, 131, 3)).astype(dtype)
+    textures.upload(ramp)
+    (found,) = taken
+    assert found.shape == (2, 37, 32, 3)
+    assert found.dtype == dtype
+    np.testing.assert_allclose(found[1, :, 5, 2], 4 * np.arange(37) + 1.5)
+    room = 10
+    with pytest.raises(MachineError, match="took no texture"):
+        textures.upload(ramp)
+
+
+def test_one_texel_is_its_own_half():
+    """And a row or a column keeps its length's half."""
+    one = np.full((1, 1, 1, 3), 7, np.float32)
+    np.testing.assert_array_equal(textures._halved(one), one)
+    assert textures._halved(np.zeros((1, 1, 9, 1), np.float32)).shape == (1, 1, 4, 1)
