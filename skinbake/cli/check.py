@@ -106,7 +106,7 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
     factor 1.5 for memory and sizes; seconds, on two free cores of a 2.6 GHz server, within 2. Sizes are those of skin
     with its albedo map; constant light on constant skin takes less.
     """
-    lights = len(spec.lights)
+    lights, summed = len(spec.lights), spec.output.lights == "total"
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
     covered = megatexels * uv.coverage
     texel_mm2 = uv.area_mm2 / max(covered * 2**20, 1)
@@ -121,19 +121,15 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
     value = {"half": 2.0, "float": 4.0}[spec.output.precision]
     if spec.output.compression == "none":
         irradiance, lobes = value * megatexels * (4 * (1 + lights)), value * 3 * megatexels * sum(kept)
-        lobes *= 1 if spec.output.lights == "total" else 1 + lights
+        lobes *= 1 if summed else 1 + lights
     else:
         # Neighbouring texels differ less the finer they are
         packed = value * covered * (megatexels / tiles) ** -0.1 * (1.9 if spec.output.precision == "float" else 1.0)
         irradiance = packed * 4 * (0.31 * bright + 0.21 * dark)
-        lobes = (
-            packed
-            * 3
-            * sum(kept)
-            * (0.24 + 0.24 * total if spec.output.lights == "total" else 0.48 * bright + 0.24 * dark)
-        )
+        lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
     return {
-        "memory_mib": round(560 + megatexels * (100 + 130 * lights)),
+        # Lights stored summed are blurred summed
+        "memory_mib": round(560 + megatexels * (230 + (15 if summed else 130) * (lights - 1))),
         "seconds": round(3.5 + lights * (0.2 + 0.1 * len(variance_mm2)) + megatexels * (0.35 + 0.35 * lights), 1),
         "irradiance_mib": round(irradiance, 2),
         "lobes_mib": round(lobes, 2),

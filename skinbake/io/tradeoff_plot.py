@@ -106,7 +106,9 @@ def _label(axes: Any, front: Sequence[Row]) -> None:
     """Names of the front's points: below left of each, so that the line stays free; above right at the left edge."""
     for i, row in enumerate(front):
         at_edge = row.seconds < 1.6 * front[0].seconds
-        offset, across, along = ((7, 4), "left", "bottom") if at_edge else ((-6, -6 - 11 * (i % 2)), "right", "top")
+        offset, across, along = (-6, -6 - 11 * (i % 2)), "right", "top"
+        if at_edge:
+            offset, across, along = (7, 8 + 21 * (i % 2)), "left", "bottom"
         axes.annotate(
             f"{row.sweep}: {row.label}" if row.sweep != "look" else row.label, (row.seconds, row.rms),
             offset, textcoords="offset points", ha=across, va=along, fontsize=7.5,
