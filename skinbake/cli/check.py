@@ -35,7 +35,7 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     spec = load_look(config, overrides)
     report, pictures, uv = examine(spec)
     if out is not None:
-        from skinbake.io.image import write_png
+        from skinbake.io.png import write_png
 
         for i, (tile, picture) in enumerate(pictures):
             name = PICTURE if len(pictures) == 1 else f"uv_check.{tile}.png"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -87,39 +87,17 @@ def command(
 def render_still(
     folder: Path | str,
     out: Path | str | None = None,
-    png: Path | str | None = None,
-    exr: bool = False,
-    views: Sequence[str] = (),
-    turntable: int | None = None,
-    size: tuple[int, int] | None = None,
-    compare: bool = False,
-    mode: str = "full",
     gains: dict[str, list[float]] | None = None,
-    exposure: float | None = None,
-    supersample: int = 2,
     verbosity: int = 0,
+    **how: Any,
 ) -> list[Path]:
-    """Render pictures of a bake folder and give the paths of the PNGs; the defaults render FOLDER/preview.png."""
+    """Render pictures of a bake folder as `still.render` does, by default FOLDER/preview.png; gives their paths."""
     from skinbake.bake.still import render
     from skinbake.io.bake_folder import read_bake_folder
 
     baked = read_bake_folder(folder, summed=not gains)
-    return render(
-        baked.scene,
-        baked.spec.preview,
-        Path(out) if out else baked.path,
-        png=png,
-        exr=exr,
-        views=views,
-        turntable=turntable,
-        size=size,
-        compare=compare,
-        mode=mode,
-        gains=gains,
-        exposure=exposure,
-        supersample=supersample,
-        say=(lambda path: click.echo(str(path), err=True)) if verbosity else None,
-    )
+    say = (lambda path: click.echo(str(path), err=True)) if verbosity else None
+    return render(baked.scene, baked.spec.preview, Path(out) if out else baked.path, gains=gains, say=say, **how)
 
 
 def _names(views: str | None) -> list[str]:

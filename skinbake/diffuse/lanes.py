@@ -77,10 +77,23 @@ def store(typing: Any, array: Any, index: Any, value: Any) -> Any:
     return types.none(array, types.intp, _LANES), generate
 
 
+def _signature(*kinds: Any) -> Any:
+    """Of a function of lanes and scalars."""
+    return _LANES(*(kind if isinstance(kind, _LanesType) else types.float32 for kind in kinds))
+
+
+def _wide(builder: Any, signature: Any, values: Any) -> list[Any]:
+    """Every argument as lanes."""
+    pairs = zip(values, signature.args, strict=True)
+    return [value if isinstance(kind, _LanesType) else _spread(builder, value) for value, kind in pairs]
+
+
 def _binary(generate: Any) -> Any:
     @intrinsic
     def both(typing: Any, a: Any, b: Any) -> Any:
-        return _LANES(_LANES, _LANES), lambda context, builder, signature, args: generate(builder, *args)
+        return _signature(a, b), lambda context, builder, signature, args: generate(
+            builder, *_wide(builder, signature, args)
+        )
 
     return both
 
@@ -99,34 +112,15 @@ same = _binary(
 
 
 @intrinsic
-def _mul_add(typing: Any, a: Any, b: Any, c: Any) -> Any:
+def mul_add(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c of lanes and scalars."""
+
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         of_type = ir.FunctionType(_VECTOR, [_VECTOR] * 3)
-        name = f"llvm.fmuladd.v{LANES}f32"
-        return builder.call(cgutils.get_or_insert_function(builder.module, of_type, name), args)
+        function = cgutils.get_or_insert_function(builder.module, of_type, f"llvm.fmuladd.v{LANES}f32")
+        return builder.call(function, _wide(builder, signature, args))
 
-    return _LANES(_LANES, _LANES, _LANES), generate
-
-
-def mul_add(a: Any, b: Any, c: Any) -> Any:
-    """a b + c of lanes and scalars; inside kernels only."""
-    raise NotImplementedError
-
-
-@overload(mul_add, inline="always")
-def _mul_add_typed(a, b, c):  # type: ignore[no-untyped-def]
-    return lambda a, b, c: _mul_add(_lanes(a), _lanes(b), _lanes(c))
-
-
-def _lanes(value: Any) -> Any:
-    raise NotImplementedError
-
-
-@overload(_lanes, inline="always")
-def _lanes_typed(value):  # type: ignore[no-untyped-def]
-    if isinstance(value, _LanesType):
-        return lambda value: value
-    return lambda value: splat(value)
+    return _signature(a, b, c), generate
 
 
 def _overload(function: Any, both: Any) -> None:
@@ -134,12 +128,9 @@ def _overload(function: Any, both: Any) -> None:
 
     @overload(function, inline="always")
     def typed(a, b):  # type: ignore[no-untyped-def]  # numba wants the same signature inside and out
-        if isinstance(a, _LanesType) and isinstance(b, _LanesType):
+        lanes = [isinstance(kind, _LanesType) for kind in (a, b)]
+        if any(lanes) and all(lane or isinstance(kind, types.Float) for lane, kind in zip(lanes, (a, b), strict=True)):
             return lambda a, b: both(a, b)
-        if isinstance(a, _LanesType) and isinstance(b, types.Float):
-            return lambda a, b: both(a, splat(b))
-        if isinstance(a, types.Float) and isinstance(b, _LanesType):
-            return lambda a, b: both(splat(a), b)
         return None
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import FIRST_TILE
-from skinbake.errors import InputError, MachineError
-from skinbake.io.atomic import atomic_write
+from skinbake.errors import InputError
 from skinbake.scene.lights import EnvironmentLight, LightSpec
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import MapSpec, MapsSpec
@@ -105,22 +104,6 @@ def read_map(path: Path | str, channels: int, assume: str = "auto", color_space:
     if channels == 1:
         return colours.mean(axis=2, keepdims=True, dtype=np.float32)
     return np.ascontiguousarray(np.repeat(colours, 3, axis=2) if colours.shape[2] == 1 else colours)
-
-
-def write_png(path: Path | str, picture: NDArray[np.uint8]) -> None:
-    """Write (h, w, 3) as 8-bit PNG, whole or not at all."""
-    import OpenImageIO as oiio
-
-    with atomic_write(path) as beside:
-        spec = oiio.ImageSpec(picture.shape[1], picture.shape[0], picture.shape[2], oiio.UINT8)
-        target = oiio.ImageOutput.create(str(beside))
-        if (
-            target is None
-            or not target.open(str(beside), spec)
-            or not target.write_image(picture)
-            or not target.close()
-        ):
-            raise MachineError(f"{path}: cannot be written ({_reason(oiio.geterror())})")
 
 
 def srgb_to_linear(encoded: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -84,19 +84,7 @@ def texel_surface(
     height, width = raster.shape
     fine = occluder.surface
     corners, lift, texel_mm = _lifted(mesh, occluder, (width, height))
-    point, start, offset = (np.zeros((height, width, 3), np.float32) for _ in range(3))
-    place(
-        raster.face_index,
-        raster.barycentric,
-        fine.levels,
-        corners,
-        fine.corner_normal,
-        lift,
-        fine.relief_mm,
-        point,
-        start,
-        offset,
-    )
+    point, start, offset = _placed(raster.face_index, raster.barycentric, occluder, corners, lift)
     on_facet = _barred(raster, start, offset, texel_mm, occluder)
     offset[on_facet] = 0
     np.add(start, offset, out=offset)
@@ -132,25 +120,24 @@ def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int],
     face = np.searchsorted(total, step / count * total[-1]).clip(max=len(total) - 1).astype(np.int32)
     root, along = np.sqrt(step / GOLDEN % 1), step / GOLDEN**2 % 1
     barycentric = np.stack([root * (1 - along), root * along], axis=-1).astype(np.float32)
-    fine = occluder.surface
     corners, lift, _ = _lifted(mesh, occluder, size)
-    point, start, offset = (np.zeros((1, count, 3), np.float32) for _ in range(3))
-    place(
-        face[None],
-        barycentric[None],
-        fine.levels,
-        corners,
-        fine.corner_normal,
-        lift,
-        fine.relief_mm,
-        point,
-        start,
-        offset,
-    )
+    _, start, offset = _placed(face[None], barycentric[None], occluder, corners, lift)
     offset[0, occluder.occluded(start[0], offset[0], np.ones(count, np.float32))] = 0
     weight = np.concatenate([1 - barycentric.sum(axis=1, keepdims=True), barycentric], axis=1)
     normal = normalized(np.einsum("nk,nki->ni", weight, mesh.corner_normal[face]))
     return start[0] + offset[0], normal.astype(np.float32)
+
+
+def _placed(
+    face: NDArray[np.int32], barycentric: Image, occluder: Occluder, corners: Float, lift: Float
+) -> tuple[Image, Image, Image]:
+    """Points of the smooth surface, starts of the steps to ray origins, and those steps, each (H, W, 3)."""
+    fine = occluder.surface
+    point, start, offset = (np.zeros((*face.shape, 3), np.float32) for _ in range(3))
+    place(
+        face, barycentric, fine.levels, corners, fine.corner_normal, lift, fine.relief_mm, point, start, offset
+    )  # fmt: skip
+    return point, start, offset
 
 
 def _lifted(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int]) -> tuple[Float, Float, Float]:

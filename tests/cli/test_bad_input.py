@@ -157,7 +157,8 @@ CASES = {
 
 
 def cases():
-    return [(case, verb) for case in CASES for verb in ("check", "bake")]
+    both = [(case, verb) for case in CASES for verb in ("check", "bake")]
+    return [each for each in both if each != ("output inside a file", "check")]  # check writes nothing
 
 
 def files_of(folder):
@@ -168,8 +169,6 @@ def files_of(folder):
 def test_bad_input_is_refused_in_one_line(tmp_path, capfd, case, verb):
     """Exit 2, one line that names what is wrong, no traceback, no file more than before."""
     change, message = CASES[case]
-    if verb == "check" and case == "output inside a file":
-        pytest.skip("check writes nothing")
     look = good(tmp_path)
     change(look, tmp_path)
     (tmp_path / "look.yaml").write_text(yaml.safe_dump(look))
