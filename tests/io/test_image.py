@@ -7,7 +7,7 @@ import OpenImageIO as oiio
 import pytest
 
 from skinbake.errors import InputError
-from skinbake.io.image import read_environments, read_map, read_maps, srgb_to_linear, write_png
+from skinbake.io.image import read_environments, read_map, read_maps, srgb_to_linear
 from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.spec import MapsSpec
 
@@ -182,9 +182,3 @@ def test_an_unreadable_image_is_refused(tmp_path, case):
     with pytest.raises(InputError, match=r"map\.(png|exr): ") as failure:
         read_map(path, 3)
     assert "\n" not in str(failure.value)
-
-
-def test_png_round_trip(tmp_path):
-    """write_png writes what read_map reads."""
-    write_png(tmp_path / "deep" / "x.png", EIGHT)
-    np.testing.assert_allclose(read_map(tmp_path / "deep" / "x.png", 3, "linear"), EIGHT / 255, atol=1e-7)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from skinbake.errors import InputError
+from skinbake.io.image import read_map
 from skinbake.io.png import write_png
 
 
@@ -15,6 +16,12 @@ def test_pixels_come_back_exactly_and_bytes_repeat(tmp_path):
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png"))[..., ::-1], rgb)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "b.png"]
+
+
+def test_what_is_written_is_read_as_a_map(tmp_path):
+    rgb = np.arange(30, dtype=np.uint8).reshape(2, 5, 3) * 8
+    write_png(tmp_path / "deep" / "x.png", rgb)
+    np.testing.assert_allclose(read_map(tmp_path / "deep" / "x.png", 3, "linear"), rgb / 255, atol=1e-7)
 
 
 def test_another_suffix_and_other_pixels_are_refused(tmp_path):
