@@ -23,7 +23,6 @@ from skinbake.diffuse.diffuser import Diffuser
 from skinbake.diffuse.error import weighted_sum
 from skinbake.diffuse.plan import IDENTITY_TEXELS2, LobePlan, cluster_spacing
 from skinbake.diffuse.probes import PLAN, Probes, draw_probes, joined_probes
-from skinbake.diffuse.surface import CUT_SIGMA
 from skinbake.diffuse.texture import level_size, widest_level
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
@@ -165,7 +164,7 @@ def _surface_cost(diffuser: Diffuser, variance: float, level: int, spacing: floa
         first += 1
     for finer, summed in zip(range(first, level - 1, -1), (*_SUMMED, *(_SUMMED[-1],) * first), strict=False):
         height, width = level_size(diffuser.size, finer)
-        pairs = np.pi * ((CUT_SIGMA + 1) ** 2 * variance + 4 * texel * 4**finer) / side2
+        pairs = np.pi * ((diffuser.cut + 1) ** 2 * variance + 4 * texel * 4**finer) / side2
         each = summed * (_SURFACE + _PAIR * pairs * (1 + diffuser.lights) / 2) + _INTERPOLATE * diffuser.lights
         cost += height * width * len(diffuser.atlas) * each
     return cost

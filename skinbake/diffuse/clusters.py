@@ -1,4 +1,4 @@
-"""Area-weighted clusters of texels: a moment pyramid over the texture, cut where the skin in a block is small enough.
+"""Area-weighted moments of blocks of texels: which blocks are small and flat enough to be one source of a surface sum.
 
 Texels next to one another in a chart are next to one another on the skin, so a quadtree over the texture is already
 a spatial hierarchy; where a block holds two charts, its spread in space says so and the cut goes deeper. The cut
@@ -8,7 +8,7 @@ adapts to the local stretch by itself, and costs one pass over the texels.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import islice
+from itertools import pairwise
 
 import numpy as np
 from numba import njit, prange
@@ -16,29 +16,34 @@ from numpy.typing import NDArray
 
 from skinbake.diffuse.points import TexelPoints
 
+LEVELS = 6  # blocks of up to 64 x 64 texels
 MIN_ALIGNMENT = 0.8  # |mean of unit normals| below this: the block bends too much to be one cluster
 _MOMENTS = 8  # area, centroid x y z, spread, normal x y z
 
 
 @dataclass(frozen=True)
 class MomentPyramid:
-    """Levels 1, 2, ... of one tile; level k blocks are 2^k texels wide.
+    """Blocks of 2, 4, ... 64 texels a side of one tile, one level after another, each in raster order.
 
     Attributes
     ----------
-    moments : tuple of ndarray of shape (h, w, 8), float32
+    moments : ndarray of shape (B, 8), float32
         area_mm2, centroid (3), spread_mm2 (trace of the area-weighted covariance / 2: variance along each tangent
         direction), mean normal (3, not unit).
-    radiosity : tuple of ndarray of shape (h, w, C), float32
+    radiosity : ndarray of shape (B, C), float32
         Area-weighted mean.
+    start, width : ndarray of shape (6,), int64
+        First block of each level, and how many it has in a row.
     """
 
-    moments: tuple[NDArray[np.float32], ...]
-    radiosity: tuple[NDArray[np.float32], ...]
+    moments: NDArray[np.float32]
+    radiosity: NDArray[np.float32]
+    start: NDArray[np.int64]
+    width: NDArray[np.int64]
 
 
-def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], levels: int) -> MomentPyramid:
-    """Moments of blocks of 2, 4, ... 2^levels texels.
+def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> MomentPyramid:
+    """Moments of all blocks.
 
     Parameters
     ----------
@@ -46,68 +51,25 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], levels: 
         By flat texel; C = 3 L.
     """
     channels = 3 * len(radiosity)
-    moments: list[NDArray[np.float32]] = []
-    means: list[NDArray[np.float32]] = []
-    fine_moments = np.empty((0, 0, _MOMENTS), np.float32)
-    fine_mean = np.empty((0, 0, channels), np.float32)
-    height, width = points.row.shape
-    for _ in range(levels):
-        height, width = (height + 1) // 2, (width + 1) // 2
-        coarse = np.zeros((height, width, _MOMENTS), np.float32)
-        mean = np.zeros((height, width, channels), np.float32)
-        if not moments:
-            _first_level(points.row, points.position, points.normal, points.area_mm2, radiosity, coarse, mean)
-        else:
-            _next_level(fine_moments, fine_mean, coarse, mean)
-        moments.append(coarse)
-        means.append(mean)
-        fine_moments, fine_mean = coarse, mean
-    return MomentPyramid(tuple(moments), tuple(means))
+    sizes = [tuple(-(-side >> level) for side in points.row.shape) for level in range(1, LEVELS + 1)]
+    start = np.cumsum([0, *(h * w for h, w in sizes)])
+    moments = np.zeros((start[-1], _MOMENTS), np.float32)
+    means = np.zeros((start[-1], channels), np.float32)
+    views = [
+        (moments[a:b].reshape(*size, -1), means[a:b].reshape(*size, -1))
+        for a, b, size in zip(start[:-1], start[1:], sizes, strict=True)
+    ]
+    _first_level(points.row, points.position, points.normal, points.area_mm2, radiosity, *views[0])
+    for fine, coarse in pairwise(views):
+        _next_level(*fine, *coarse)
+    return MomentPyramid(moments, means, start[:-1], np.array([w for _, w in sizes]))
 
 
-def cut_clusters(
-    tiles: tuple[tuple[TexelPoints, NDArray[np.float32], MomentPyramid], ...], max_spread_mm2: float, levels: int
-) -> NDArray[np.float32]:
-    """The widest blocks whose spread is at most `max_spread_mm2` and whose normals agree; single texels elsewhere.
-
-    Parameters
-    ----------
-    levels : int
-        Blocks are at most 2^levels texels wide; 0: every texel alone.
-
-    Returns
-    -------
-    ndarray of shape (S, 8 + C), float32
-        Position (3), unit normal (3), spread_mm2 (0 for a single texel), area_mm2, radiosity (C); in raster order of
-        each level, widest level first.
-    """
-    # Where to cut first, then how many there are, then all of them into arrays of the right length
-    channels = 3 * len(tiles[0][1])
-    cuts, count = [], 0
-    for points, _, pyramid in tiles:
-        taken: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
-        levels = min(levels, len(pyramid.moments))
-        for level in reversed(range(levels)):
-            moments = pyramid.moments[level]
-            now, per_row = np.zeros(moments.shape[:2], np.uint8), np.zeros(len(moments), np.int64)
-            _mark(moments, taken, max_spread_mm2, MIN_ALIGNMENT, now, per_row)
-            start = count + np.cumsum(per_row) - per_row
-            cuts.append((level, now, start))
-            count += int(per_row.sum())
-            taken = now
-        per_row = np.zeros(len(points.row), np.int64)
-        _count_single(points.row, points.area_mm2, taken, per_row)
-        cuts.append((-1, taken, count + np.cumsum(per_row) - per_row))
-        count += int(per_row.sum())
-    out = np.empty((count, 8 + channels), np.float32)
-    cut = iter(cuts)
-    for points, light, pyramid in tiles:
-        for level, now, start in islice(cut, levels + 1):
-            if level >= 0:
-                _emit(pyramid.moments[level], pyramid.radiosity[level], now, start, out)
-            else:
-                _emit_single(points.row, points.position, points.normal, points.area_mm2, light, now, start, out)
-    return out
+@njit(cache=True, inline="always")
+def is_cluster(moments, max_spread_mm2):  # type: ignore[no-untyped-def]
+    """Whether a block's skin is small enough, and flat enough, to be one source."""
+    aligned = moments[5] ** 2 + moments[6] ** 2 + moments[7] ** 2 >= MIN_ALIGNMENT**2
+    return moments[0] > 0 and moments[4] <= max_spread_mm2 and aligned
 
 
 def contrast(points: TexelPoints, radiosity: NDArray[np.float32], pyramid: MomentPyramid) -> NDArray[np.float32]:
@@ -115,48 +77,35 @@ def contrast(points: TexelPoints, radiosity: NDArray[np.float32], pyramid: Momen
 
     The second part, in units of the light around, finds borders of charts and skin that the UVs squeeze or stretch.
     """
-    row, col = np.divmod(points.flat_index, points.row.shape[1])
-    changes = np.zeros(len(row), np.float32)
-    fine, fine_index = _channel_sum(radiosity), points.flat_index
-    for level in (2, 4, 6):
-        if level <= len(pyramid.radiosity):
-            block = pyramid.radiosity[level - 1].sum(axis=2)
-            coarse_index = (row >> level) * block.shape[1] + (col >> level)
-            _add_changes(fine, fine_index, block.reshape(-1), coarse_index, changes)
-            fine, fine_index = block.reshape(-1), coarse_index
-    if len(pyramid.moments) >= 2:
-        moments = pyramid.moments[1]
-        index = (row >> 2) * moments.shape[1] + (col >> 2)
-        _add_uneven(points.area_mm2, moments.reshape(-1, _MOMENTS), index, fine, fine_index, changes)
+    changes = np.empty(len(points.flat_index), np.float32)
+    _contrast(
+        points.flat_index, points.area_mm2, points.row.shape[1], radiosity, pyramid.moments,
+        pyramid.radiosity.sum(axis=1), pyramid.start, pyramid.width, changes,
+    )  # fmt: skip
     return changes
 
 
 @njit(cache=True, parallel=True)
-def _channel_sum(radiosity):  # type: ignore[no-untyped-def]
-    out = np.zeros(radiosity.shape[1], np.float32)
-    for texel in prange(len(out)):
-        for light in range(len(radiosity)):
-            for c in range(3):
-                out[texel] += radiosity[light, texel, c]
-    return out
-
-
-@njit(cache=True, parallel=True)
-def _add_changes(fine, fine_index, coarse, coarse_index, changes):  # type: ignore[no-untyped-def]
-    for k in prange(len(changes)):
-        changes[k] += abs(fine[fine_index[k]] - coarse[coarse_index[k]])
-
-
-@njit(cache=True, parallel=True)
-def _add_uneven(area, moments, index, light, light_index, changes):  # type: ignore[no-untyped-def]
+def _contrast(flat_index, area, columns, radiosity, moments, light, start, width, changes):  # type: ignore[no-untyped-def]
     faint = np.float32(1e-12)
     for k in prange(len(changes)):
-        mean_area = max(moments[index[k], 0], faint)
+        row, col = flat_index[k] // columns, flat_index[k] % columns
+        fine = np.float32(0)
+        for each in range(len(radiosity)):
+            for c in range(3):
+                fine += radiosity[each, flat_index[k], c]
+        change = np.float32(0)
+        for level in (2, 4, 6):
+            coarse = light[start[level - 1] + (row >> level) * width[level - 1] + (col >> level)]
+            change += abs(fine - coarse)
+            fine = coarse
+        block = start[1] + (row >> 2) * width[1] + (col >> 2)
+        mean_area = max(moments[block, 0], faint)
         uneven = abs(np.log(max(area[k], faint) / (mean_area / np.float32(16))))
         # A square's spread is a twelfth of its area
-        stretched = np.log(max(np.float32(12) * moments[index[k], 4] / mean_area, np.float32(1)))
-        around = np.float32(0.3) * light[light_index[k]]
-        changes[k] += (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
+        stretched = np.log(max(np.float32(12) * moments[block, 4] / mean_area, np.float32(1)))
+        around = np.float32(0.3) * fine
+        changes[k] = change + (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
 
 
 @njit(cache=True, parallel=True)
@@ -230,63 +179,3 @@ def _divide(moments, mean, total):  # type: ignore[no-untyped-def]
         moments[5 + axis] /= total
     for q in range(mean.shape[0]):
         mean[q] /= total
-
-
-@njit(cache=True, parallel=True)
-def _mark(moments, parent, max_spread, min_alignment, now, per_row):  # type: ignore[no-untyped-def]
-    """now: 0 open, 1 a cluster, 2 inside a wider one."""
-    for i in prange(moments.shape[0]):
-        for j in range(moments.shape[1]):
-            m = moments[i, j]
-            if parent[min(i // 2, parent.shape[0] - 1), min(j // 2, parent.shape[1] - 1)] > 0:
-                now[i, j] = 2
-            elif m[0] > 0 and m[4] <= max_spread and m[5] ** 2 + m[6] ** 2 + m[7] ** 2 >= min_alignment**2:
-                now[i, j] = 1
-                per_row[i] += 1
-
-
-@njit(cache=True, parallel=True)
-def _emit(moments, mean, now, start, out):  # type: ignore[no-untyped-def]
-    for i in prange(moments.shape[0]):
-        k = start[i]
-        for j in range(moments.shape[1]):
-            if now[i, j] == 1:
-                m = moments[i, j]
-                length = max(np.sqrt(m[5] * m[5] + m[6] * m[6] + m[7] * m[7]), np.float32(1e-12))
-                for axis in range(3):
-                    out[k, axis], out[k, 3 + axis] = m[1 + axis], m[5 + axis] / length
-                out[k, 6], out[k, 7] = m[4], m[0]
-                for q in range(mean.shape[2]):
-                    out[k, 8 + q] = mean[i, j, q]
-                k += 1
-
-
-@njit(cache=True, inline="always")
-def _is_single(row_of, area, taken, r, c):  # type: ignore[no-untyped-def]
-    k = row_of[r, c]
-    return k >= 0 and area[k] > 0 and taken[min(r // 2, taken.shape[0] - 1), min(c // 2, taken.shape[1] - 1)] == 0
-
-
-@njit(cache=True, parallel=True)
-def _count_single(row_of, area, taken, per_row):  # type: ignore[no-untyped-def]
-    for r in prange(row_of.shape[0]):
-        for c in range(row_of.shape[1]):
-            if _is_single(row_of, area, taken, r, c):
-                per_row[r] += 1
-
-
-@njit(cache=True, parallel=True)
-def _emit_single(row_of, position, normal, area, light, taken, start, out):  # type: ignore[no-untyped-def]
-    width = row_of.shape[1]
-    for r in prange(row_of.shape[0]):
-        n = start[r]
-        for c in range(width):
-            if _is_single(row_of, area, taken, r, c):
-                k = row_of[r, c]
-                for axis in range(3):
-                    out[n, axis], out[n, 3 + axis] = position[k, axis], normal[k, axis]
-                out[n, 6], out[n, 7] = 0.0, area[k]
-                for one in range(len(light)):
-                    for q in range(3):
-                        out[n, 8 + 3 * one + q] = light[one, r * width + c, q]
-                n += 1

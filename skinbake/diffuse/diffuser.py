@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, Atlas, rasterize
+from skinbake.diffuse.gather import cut_sigma, gather
 from skinbake.diffuse.points import TexelPoints, texel_points
 from skinbake.diffuse.probes import Probes, bilinear_texels, read_bilinear
 from skinbake.diffuse.reference import reference_integral
+from skinbake.diffuse.sources import SourceTree
 from skinbake.diffuse.stretch import (
     area_mean,
     chart_of_face,
@@ -21,7 +23,7 @@ from skinbake.diffuse.stretch import (
     texel_covariance,
     uv_vertices,
 )
-from skinbake.diffuse.surface import LobeSources, SurfaceLight, evaluate, lobe_sources, surface_light
+from skinbake.diffuse.surface import SurfaceLight, lobe_sources, surface_light
 from skinbake.diffuse.texture import (
     TexturePyramid,
     level_size,
@@ -54,10 +56,11 @@ class Diffuser:
         self.source, self.atlas, self.mesh, self.spec = list(source), atlas, mesh, spec
         self.size = atlas[0].shape
         self.lights = self.source[0].shape[0]
+        self.cut = cut_sigma(spec.tolerance, spec.normalise)  # of surface sums, in sigma
         self._atlases: dict[int, Atlas] = {}
         self._targets: dict[int, list[TexelPoints]] = {}
         self._smooth: dict[int, list[NDArray[np.float32]]] = {}
-        self._sources: dict[tuple[float, float], LobeSources] = {}
+        self._sources: dict[tuple[float, float], SourceTree] = {}
 
     @cached_property
     def surface(self) -> SurfaceLight:
@@ -89,7 +92,7 @@ class Diffuser:
             self._targets[level] = extended
         return self._targets[level]
 
-    def sources(self, variance_mm2: float, spacing: float) -> LobeSources:
+    def sources(self, variance_mm2: float, spacing: float) -> SourceTree:
         """Clusters of one lobe; kept until `forget`."""
         key = (variance_mm2, spacing)
         if key not in self._sources:
@@ -127,8 +130,7 @@ class Diffuser:
         if method == "stretch":
             return self.read(self.map(method, variance_mm2, level, spacing), probes, half=False)
         if method == "surface":
-            sources = self.sources(variance_mm2, spacing)
-            return self._surface_points(sources, probes.position, probes.normal, probes.texel_mm2)
+            return self._surface_points(variance_mm2, spacing, probes.position, probes.normal, probes.texel_mm2)
         return self.reference(variance_mm2, probes)
 
     def at_texel(self, probes: Probes) -> Float:
@@ -143,7 +145,6 @@ class Diffuser:
     def read_surface(self, variance_mm2: float, level: int, spacing: float, probes: Probes) -> Float:
         """What reading a stored `surface` lobe will give at the probes, from the four texels around each only."""
         out = np.zeros((len(probes), 3 * self.lights))
-        sources = self.sources(variance_mm2, spacing)
         for k, points in enumerate(self.targets(level)):
             mine = probes.tile == k
             height, width = points.row.shape
@@ -154,7 +155,7 @@ class Diffuser:
             shown = row[needed]
             values = np.zeros((flat.size, out.shape[1]))
             values[needed] = self._surface_points(
-                sources, points.position[shown], points.normal[shown], points.texel_mm2[shown]
+                variance_mm2, spacing, points.position[shown], points.normal[shown], points.texel_mm2[shown]
             )
             out[mine] = (values.reshape(*flat.shape, -1) * weight[..., None]).sum(axis=1)
         return out
@@ -215,10 +216,6 @@ class Diffuser:
             tiles.append(stretch_blur(light, raster.area_mm2, chart, covariance))
         return tiles
 
-    def _surface_map(self, variance_mm2: float, level: int, spacing: float) -> Tiles:
-        flat = self._surface_flat(variance_mm2, level, spacing)
-        return [self._by_light(f, p.row.shape) for f, p in zip(flat, self.targets(level), strict=True)]
-
     def interpolates(self, variance_mm2: float, level: int) -> bool:
         """Whether a surface lobe of a stored size is interpolated from half that size, where that is smooth enough."""
         height, width = level_size(self.size, level)
@@ -226,22 +223,22 @@ class Diffuser:
         near = 0.8 * next_texel < widest_gap(self.spec.tolerance) * np.sqrt(variance_mm2)
         return bool(self.spec.normalise and height % 2 == 0 and width % 2 == 0 and near)
 
-    def _surface_flat(self, variance_mm2: float, level: int, spacing: float) -> list[NDArray[np.float32]]:
-        """One lobe by flat texel, (h * w, C) a tile: from half the size where that is smooth enough, else summed."""
+    def _surface_map(self, variance_mm2: float, level: int, spacing: float) -> Tiles:
+        """One lobe: interpolated from half the size where that is smooth enough, else summed."""
         sources = self.sources(variance_mm2, spacing)
-        sigma = float(np.sqrt(variance_mm2))
         halve = self.interpolates(variance_mm2, level)
-        coarse = self._surface_flat(variance_mm2, level + 1, spacing) if halve else None
+        coarse = self._surface_map(variance_mm2, level + 1, spacing) if halve else None
         tiles = []
         for k, points in enumerate(self.targets(level)):
-            flat = np.zeros((points.row.size, 3 * self.lights), np.float32)
-            if level == 0:
-                flat.reshape(-1, self.lights, 3)[:] = self.surface.tiles[k][1].transpose(1, 0, 2)
+            image = self.source[k].copy() if level == 0 else np.zeros((self.lights, *points.row.shape, 3), np.float32)
             if coarse is not None:
-                left = interpolate_smooth(coarse[k], points.row, self._least_sigma(level)[k], sigma, flat)
-                points = replace(points, row=left)
-            evaluate(sources, points, self.spec.separate, self.spec.normalise, flat)
-            tiles.append(flat)
+                sigma = float(np.sqrt(variance_mm2))
+                points = replace(
+                    points, row=interpolate_smooth(coarse[k], points.row, self._least_sigma(level)[k], sigma, image)
+                )
+            flat = image.reshape(self.lights, -1, 3)
+            gather(points, sources, variance_mm2, self.cut, self.spec.separate, self.spec.normalise, flat)
+            tiles.append(image)
         return tiles
 
     def _least_sigma(self, level: int) -> list[NDArray[np.float32]]:
@@ -254,26 +251,24 @@ class Diffuser:
 
     def _surface_points(
         self,
-        sources: LobeSources,
+        variance_mm2: float,
+        spacing: float,
         position: NDArray[np.float32],
         normal: NDArray[np.float32],
         texel: NDArray[np.float32],
     ) -> Float:
         count = np.arange(len(position), dtype=np.int32)
         points = TexelPoints(count[:, None], count, position, normal, np.zeros(len(count), np.float32), texel)
-        out = np.zeros((len(position), 3 * self.lights), np.float32)
-        evaluate(sources, points, self.spec.separate, self.spec.normalise, out)
-        return out.astype(np.float64)
+        out = np.zeros((self.lights, len(position), 3), np.float32)
+        sources = self.sources(variance_mm2, spacing)
+        gather(points, sources, variance_mm2, self.cut, self.spec.separate, self.spec.normalise, out)
+        return out.transpose(1, 0, 2).reshape(len(position), -1).astype(np.float64)
 
     def _reference_map(self, variance_mm2: float, level: int) -> Tiles:
         tiles = []
         for points in self.targets(level):
-            flat = np.zeros((points.row.size, 3 * self.lights), np.float32)
-            flat[points.flat_index] = self._integral(variance_mm2, points.position, points.normal, points.texel_mm2)
-            tiles.append(self._by_light(flat, points.row.shape))
+            flat = np.zeros((self.lights, points.row.size, 3), np.float32)
+            found = self._integral(variance_mm2, points.position, points.normal, points.texel_mm2)
+            flat[:, points.flat_index] = found.reshape(len(found), self.lights, 3).transpose(1, 0, 2)
+            tiles.append(flat.reshape(self.lights, *points.row.shape, 3))
         return tiles
-
-    def _by_light(self, flat: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
-        if self.lights == 1:
-            return flat.reshape(1, *shape, 3)
-        return np.ascontiguousarray(flat.reshape(*shape, self.lights, 3).transpose(2, 0, 1, 3))

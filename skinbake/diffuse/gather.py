@@ -1,4 +1,4 @@
-"""The hot loop of the surface method: Gaussian sums over sorted sources, sixteen targets abreast.
+"""The hot loop of the surface method: Gaussian sums over a tree of sources, sixteen targets abreast.
 
 The lanes of the inner loops are neighbouring targets, not sources: each lane adds its sources in one fixed order, so
 the result depends neither on the number of threads nor on the width of the machine's vectors.
@@ -6,195 +6,259 @@ the result depends neither on the number of threads nor on the width of the mach
 
 from __future__ import annotations
 
+from math import gcd
+
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
-from skinbake.diffuse.lanes import LANES, gaussian, load, mul_add, splat, store
-from skinbake.diffuse.rows import AMPLITUDE, LIGHT, NARROWING, NORMAL
+from skinbake.diffuse.lanes import LANES, gaussian, load, lowest_bit, mul_add, splat, store
+from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_variance
+from skinbake.diffuse.points import TexelPoints
 from skinbake.diffuse.separate import passes
+from skinbake.diffuse.sources import (
+    AMPLITUDE,
+    LIGHT,
+    NARROWING,
+    NORMAL,
+    STACK,
+    SourceTree,
+    near_boxes,
+    near_sources,
+    opposite_sources,
+    sources_around,
+    tree_node,
+)
 
-_CHUNK = 64  # batches that share their scratch memory
-_HALF = np.float32(0.5)
-_ZERO = np.float32(0)
+CUT_ERROR = 0.1  # measured: normalised sums cut at k sigma are wrong by this exp(-k^2 / 2), rms of hard-lit skin
+_CUT_SHARE = 0.05  # of the tolerance
+_BLOCK = 4  # x 4 texels are a batch, where they are near one another
+_TILE = 16  # x 16 texels begin their searches at the same groups
+_NORMAL, _RATE, _SUMS = 3, 6, 7  # rows of sixteen in the scratch memory: x y z, normal, -1 / 64 v, sums
+_ZERO, _HALF = np.float32(0), np.float32(0.5)
 _TINY = np.float32(1e-20)
 
 
-@njit(cache=True, parallel=True)
-def gather(  # type: ignore[no-untyped-def]
-    batches, position, normal, variance, gain, flat_index,  # targets: (B, 16), then (T, ...)
-    source, row_start, origin, cell, rows_y, rows_z,  # see SourceRows
-    cut, separate, scale, density,  # amplitudes are scaled; density > 0: out = density gain sum (not normalised)
-    out, weight,  # (H*W, C), (H*W,)
-):  # fmt: skip
-    """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 variance_t) p_ts.
+def cut_sigma(tolerance: float, normalise: bool = True) -> float:
+    """How far, in sigma, sums must look for what lies beyond to take its small share of a tolerance.
 
-    A target looks at least `cut` sqrt(variance_t) mm far. `weight` receives the sum of weights; where it
-    is not positive `out` is left as it was. p_ts is the share that `passes`.
+    Not normalised, all of the light beyond is missing: exp(-k^2 / 2).
     """
-    for chunk in prange((batches.shape[0] + _CHUNK - 1) // _CHUNK):
-        scratch = np.empty((source.shape[1], LANES), np.float32)
-        for b in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, batches.shape[0])):
-            _gather_batch(
-                batches[b], position, normal, variance, gain, flat_index, source, row_start, origin, cell,
-                rows_y, rows_z, cut, separate, scale, density, scratch, out, weight,
+    beyond = _CUT_SHARE * max(tolerance, 1e-9) / (CUT_ERROR if normalise else 1.0)
+    return float(np.sqrt(2 * np.log(1 / min(beyond, np.exp(-2)))))
+
+
+def gather(
+    points: TexelPoints,
+    tree: SourceTree,
+    variance_mm2: float,
+    cut: float,
+    separate: bool,
+    normalise: bool,
+    out: NDArray[np.float32],
+) -> None:
+    """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 v_t) p_ts.
+
+    Parameters
+    ----------
+    points : TexelPoints
+        Targets. Where their texels are coarser than the lobe, v_t is widened so that their lattice still spreads light
+        by `variance_mm2` (`lattice_variance`).
+    cut : float
+        A target looks at least this many sigma far.
+    separate : bool
+        p_ts is the share that `passes`, else 1.
+    normalise : bool
+        False: the sum is not divided by that of the weights, but by a plane's, 2 pi v / gain_t.
+    out : ndarray of shape (L, H * W, 3), float32
+        Left as it was where there is no target, or nothing near one.
+    """
+    strips = -(-points.row.shape[0] // _TILE)
+    # Threads take consecutive strips, and a head leaves the texture's borders empty: strips are dealt out evenly
+    stride = next(s for s in range(int(0.618 * strips) + 1, 2 * strips + 2) if gcd(s, strips) == 1)
+    largest = float(tree.source[:, AMPLITUDE].max(initial=0)) or 1.0
+    density = 0.0 if normalise else 1 / (2 * np.pi * variance_mm2)
+    _gather(
+        strips, stride, points.row, points.flat_index, points.position, points.normal, points.texel_mm2, tree.source,
+        tree.leaf_start, tree.leaf, tree.box, tree.first_group, variance_mm2, lattice_table(),
+        np.float32(cut), separate, np.float32(_TINY * largest), np.float32(density), out,
+    )  # fmt: skip
+
+
+@njit(cache=True, parallel=True)
+def _gather(  # type: ignore[no-untyped-def]
+    strips, stride, row_of, flat_index, position, normal, texel_mm2, source, leaf_start, leaf, box, first_group,
+    variance_mm2, table, cut, separate, faint, density, out,
+):  # fmt: skip
+    height, width = row_of.shape
+    leaves, boxes = leaf.reshape(-1), box.reshape(-1)
+    for strip in prange(strips):
+        lanes = np.empty((_SUMS + 4 + source.shape[1]) * LANES, np.float32)
+        low, high = np.empty(3, np.float32), np.empty(3, np.float32)
+        stack, found = np.empty(STACK, np.int64), np.empty(len(leaf), np.int64)
+        members, batch, begin = np.empty(LANES, np.int64), np.empty(LANES, np.int64), np.empty(STACK // 2, np.int64)
+        top = (strip * stride) % strips * _TILE
+        for tile in range(0, width, _TILE):
+            begins = _begin_near_tile(
+                row_of[top : top + _TILE, tile : tile + _TILE], position, texel_mm2, boxes, first_group, variance_mm2,
+                table, cut, low, high, stack, found, begin,
             )  # fmt: skip
+            if begins == 0:
+                continue
+            for row in range(top, min(top + _TILE, height), _BLOCK):
+                for col in range(tile, min(tile + _TILE, width), _BLOCK):
+                    left = 0
+                    for r in range(row, min(row + _BLOCK, height)):
+                        for c in range(col, min(col + _BLOCK, width)):
+                            if row_of[r, c] >= 0:
+                                members[left] = row_of[r, c]
+                                left += 1
+                    while left > 0:
+                        left = _take_near(members, left, position, texel_mm2, variance_mm2, cut, batch)
+                        stack[:begins] = begin[:begins]
+                        _gather_batch(
+                            batch, flat_index, position, normal, texel_mm2, source, leaf_start, leaves, boxes,
+                            first_group, variance_mm2, table, cut, separate, faint, density, lanes, low, high, stack,
+                            begins, found, out,
+                        )  # fmt: skip
+
+
+@njit(cache=True)
+def _begin_near_tile(  # type: ignore[no-untyped-def]
+    row_of, position, texel_mm2, boxes, first_group, variance_mm2, table, cut, low, high, stack, found, begin
+):  # fmt: skip
+    """Where the search of all of a tile's batches begins: groups near the tile, the root if these are too many."""
+    low[:], high[:] = np.inf, -np.inf
+    widest = np.float32(-1)
+    for r in range(row_of.shape[0]):
+        for c in range(row_of.shape[1]):
+            k = row_of[r, c]
+            if k >= 0:
+                widest = max(widest, texel_mm2[k])
+                for axis in range(3):
+                    low[axis], high[axis] = min(low[axis], position[k, axis]), max(high[axis], position[k, axis])
+    if low[0] > high[0]:
+        return 0
+    root = tree_node(0, len(first_group) - 1)
+    if len(first_group) > 1:
+        reach = cut * np.sqrt(np.float32(lattice_variance(variance_mm2, widest, table)))
+        stack[0] = root
+        count = near_boxes(low, high, reach * reach, boxes, first_group, stack, 1, 1, found)
+        if count <= len(begin):
+            for i in range(count):
+                begin[i] = tree_node(found[i], 0)
+            return count
+    begin[0] = root
+    return 1
+
+
+@njit(cache=True)
+def _take_near(members, count, position, texel_mm2, variance_mm2, cut, batch):  # type: ignore[no-untyped-def]
+    """Move what lies near the first member into the batch, which repeats its last; the number of members left."""
+    seed = members[0]
+    reach = cut * np.float32(np.sqrt(variance_mm2)) + np.float32(2 * _BLOCK) * np.sqrt(max(texel_mm2[seed], _ZERO))
+    taken, left = 0, 0
+    for i in range(count):
+        k = members[i]
+        near = True
+        for axis in range(3):
+            near = near and abs(position[k, axis] - position[seed, axis]) <= reach
+        if near:
+            batch[taken] = k
+            taken += 1
+        else:
+            members[left] = k
+            left += 1
+    batch[taken:] = batch[taken - 1]
+    return left
 
 
 @njit(cache=True)
 def _gather_batch(  # type: ignore[no-untyped-def]
-    batch, position, normal, variance, gain, flat_index, source, row_start, origin, cell,
-    rows_y, rows_z, cut, separate, scale, density, scratch, out, weight,
+    batch, flat_index, position, normal, texel_mm2, source, leaf_start, leaves, boxes, first_group,
+    variance_mm2, table, cut, separate, faint, density, lanes, low, high, stack, begins, found, out,
 ):  # fmt: skip
-    channels = source.shape[1] - LIGHT
-    at = scratch[:7]  # x y z, normal x y z, 1 / (64 variance)
+    further = source.shape[1] - LIGHT - 3  # channels beyond the first light's
     radius = _ZERO
+    ax, ay, az = _ZERO, _ZERO, _ZERO
+    low[:], high[:] = np.inf, -np.inf
     for t in range(LANES):
         k = batch[t]
-        radius = max(radius, cut * np.sqrt(variance[k]))
+        variance = lattice_variance(variance_mm2, texel_mm2[k], table)
+        radius = max(radius, cut * np.sqrt(np.float32(variance)))
         for axis in range(3):
-            at[axis, t], at[3 + axis, t] = position[k, axis], normal[k, axis]
-        at[6, t] = _HALF / (np.float32(32) * variance[k])
-    flat = at.reshape(-1)
-    x, y, z, rate = load(flat, 0), load(flat, LANES), load(flat, 2 * LANES), load(flat, 6 * LANES)
-    nx, ny, nz = load(flat, 3 * LANES), load(flat, 4 * LANES), load(flat, 5 * LANES)
+            x = position[k, axis]
+            low[axis], high[axis] = min(low[axis], x), max(high[axis], x)
+            lanes[axis * LANES + t], lanes[(_NORMAL + axis) * LANES + t] = x, normal[k, axis]
+        lanes[_RATE * LANES + t] = -1 / (64 * variance)
+        ax, ay, az = ax + normal[k, 0], ay + normal[k, 1], az + normal[k, 2]
+    x, y, z, rate = load(lanes, 0), load(lanes, LANES), load(lanes, 2 * LANES), load(lanes, _RATE * LANES)
+    nx, ny, nz = load(lanes, _NORMAL * LANES), load(lanes, (_NORMAL + 1) * LANES), load(lanes, (_NORMAL + 2) * LANES)
 
-    # Cone of the batch's normals: sources inside the opposite one need the pair rule
-    ax, ay, az = at[3].sum(), at[4].sum(), at[5].sum()
+    # Ball and cone around the batch: sources inside the opposite cone need the pair rule
+    cx, cy, cz = _HALF * (low[0] + high[0]), _HALF * (low[1] + high[1]), _HALF * (low[2] + high[2])
     length = np.sqrt(ax * ax + ay * ay + az * az) + _TINY
     ax, ay, az = ax / length, ay / length, az / length
-    closest = np.float32(1)
+    closest, far2 = np.float32(1), _ZERO
     for t in range(LANES):
-        closest = min(closest, at[3, t] * ax + at[4, t] * ay + at[5, t] * az)
+        k = batch[t]
+        dx, dy, dz = position[k, 0] - cx, position[k, 1] - cy, position[k, 2] - cz
+        far2 = max(far2, dx * dx + dy * dy + dz * dz)
+        closest = min(closest, normal[k, 0] * ax + normal[k, 1] * ay + normal[k, 2] * az)
     sine = np.sqrt(max(np.float32(1) - closest * closest, _ZERO)) if closest > 0 else np.float32(2)
 
-    x0, x1 = at[0].min() - radius, at[0].max() + radius
-    y0, y1, z0, z1 = at[1].min(), at[1].max(), at[2].min(), at[2].max()
-    row_y0 = max(int(np.floor((y0 - radius - origin[1]) / cell)), 0)
-    row_y1 = min(int(np.floor((y1 + radius - origin[1]) / cell)), rows_y - 1)
-    row_z0 = max(int(np.floor((z0 - radius - origin[2]) / cell)), 0)
-    row_z1 = min(int(np.floor((z1 + radius - origin[2]) / cell)), rows_z - 1)
+    within2 = (radius + np.sqrt(far2)) ** 2
 
-    # The first light's three sums stay in registers, those of further lights in `more`
+    # The first light's three sums stay in registers, those of further lights in `lanes`
     total = splat(_ZERO)
     red, green, blue = splat(_ZERO), splat(_ZERO), splat(_ZERO)
-    more = scratch[7 : 4 + channels].reshape(-1)
-    more[:] = _ZERO
-    for row_z in range(row_z0, row_z1 + 1):
-        gap_z = max(origin[2] + row_z * cell - z1, z0 - origin[2] - (row_z + 1) * cell, _ZERO)
-        for row_y in range(row_y0, row_y1 + 1):
-            row = row_z * rows_y + row_y
-            first, last = row_start[row], row_start[row + 1]
-            if first == last:
-                continue
-            gap_y = max(origin[1] + row_y * cell - y1, y0 - origin[1] - (row_y + 1) * cell, _ZERO)
-            rest = radius * radius - gap_y * gap_y - gap_z * gap_z
-            if rest <= 0:
-                continue
-            less = radius - np.sqrt(rest)  # the ball is narrower here than at its middle
-            first = _lower_bound(source, first, last, x0 + less)
-            for s in range(first, last):
-                if source[s, 0] > x1 - less:
-                    break
-                dx, dy, dz = source[s, 0] - x, source[s, 1] - y, source[s, 2] - z
-                distance2 = mul_add(dx, dx, mul_add(dy, dy, dz * dz))
-                w = gaussian(distance2 * (rate * source[s, NARROWING])) * (source[s, AMPLITUDE] * scale)
-                if separate:
-                    mx, my, mz = source[s, NORMAL], source[s, NORMAL + 1], source[s, NORMAL + 2]
-                    if ax * mx + ay * my + az * mz < sine:
-                        w *= passes(
-                            mul_add(nx, mx, mul_add(ny, my, nz * mz)),
-                            mul_add(nx, dx, mul_add(ny, dy, nz * dz)),
-                            _ZERO - mul_add(dx, mx, mul_add(dy, my, dz * mz)),
-                            distance2 + _TINY,
-                        )
-                total += w
-                red = mul_add(w, source[s, LIGHT], red)
-                green = mul_add(w, source[s, LIGHT + 1], green)
-                blue = mul_add(w, source[s, LIGHT + 2], blue)
-                for c in range(channels - 3):
-                    store(more, c * LANES, mul_add(w, source[s, LIGHT + 3 + c], load(more, c * LANES)))
+    for c in range(further):
+        store(lanes, (_SUMS + 4 + c) * LANES, total)
+    for i in range(near_boxes(low, high, radius * radius, boxes, first_group, stack, begins, 0, found)):
+        leaf = found[i]
+        bits = near_sources(leaves, leaf, low, high, radius * radius) & sources_around(
+            leaves, leaf, cx, cy, cz, within2
+        )
+        opposite = opposite_sources(leaves, leaf, ax, ay, az, sine) if separate else 0
+        first = leaf_start[leaf]
+        while bits != 0:
+            bit = lowest_bit(bits)
+            bits &= bits - 1
+            s, at = first + bit, leaf * (6 * LANES) + bit
+            dx, dy, dz = leaves[at] - x, leaves[at + LANES] - y, leaves[at + 2 * LANES] - z
+            distance2 = mul_add(dx, dx, mul_add(dy, dy, dz * dz))
+            w = gaussian(distance2 * (rate * source[s, NARROWING])) * source[s, AMPLITUDE]
+            if opposite >> bit & 1:
+                at += NORMAL * LANES
+                mx, my, mz = leaves[at], leaves[at + LANES], leaves[at + 2 * LANES]
+                w *= passes(
+                    mul_add(nx, mx, mul_add(ny, my, nz * mz)),
+                    mul_add(nx, dx, mul_add(ny, dy, nz * dz)),
+                    _ZERO - mul_add(dx, mx, mul_add(dy, my, dz * mz)),
+                    distance2 + _TINY,
+                )
+            total += w
+            red = mul_add(w, source[s, LIGHT], red)
+            green = mul_add(w, source[s, LIGHT + 1], green)
+            blue = mul_add(w, source[s, LIGHT + 2], blue)
+            for c in range(further):
+                to = (_SUMS + 4 + c) * LANES
+                store(lanes, to, mul_add(w, source[s, LIGHT + 3 + c], load(lanes, to)))
 
-    sums = scratch[4 + channels :]
-    store(sums.reshape(-1), 0, red)
-    store(sums.reshape(-1), LANES, green)
-    store(sums.reshape(-1), 2 * LANES, blue)
-    store(sums.reshape(-1), 3 * LANES, total)
+    store(lanes, _SUMS * LANES, total)
+    store(lanes, (_SUMS + 1) * LANES, red)
+    store(lanes, (_SUMS + 2) * LANES, green)
+    store(lanes, (_SUMS + 3) * LANES, blue)
     for t in range(LANES):
-        k = flat_index[batch[t]]
-        weight[k] = sums[3, t]
-        factor = density * gain[batch[t]]
-        if density == 0:
-            if not sums[3, t] > _TINY:
-                continue
-            factor = np.float32(1) / sums[3, t]
-        for c in range(3):
-            out[k, c] = sums[c, t] * factor
-        for c in range(channels - 3):
-            out[k, 3 + c] = more[c * LANES + t] * factor
-
-
-@njit(cache=True, inline="always")
-def _lower_bound(source, first, last, x):  # type: ignore[no-untyped-def]
-    """First source of the row whose x is not below x."""
-    while first < last:
-        middle = (first + last) // 2
-        if source[middle, 0] < x:
-            first = middle + 1
+        weight = lanes[_SUMS * LANES + t]
+        if density > 0:
+            factor = density * np.float32(lattice_gain(variance_mm2, texel_mm2[batch[t]], table))
+        elif weight > faint:
+            factor = np.float32(1) / weight
         else:
-            last = middle
-    return first
-
-
-@njit(cache=True)
-def make_batches(texel, block, position, reach):  # type: ignore[no-untyped-def]
-    """Group targets of each 4 x 4 block of texels that lie within `reach` mm of the group's first, (B, 16).
-
-    Parameters
-    ----------
-    texel : ndarray of shape (H, W), int32
-        Row of `position` of each texel, or -1.
-    block : int
-        Width and height of a block in texels.
-    position : ndarray of shape (T, 3), float32
-    reach : float
-
-    Returns
-    -------
-    ndarray of shape (B, 16), int32
-        Short groups repeat their last target.
-    """
-    height, width = texel.shape
-    count = 0
-    out = np.empty((position.shape[0] // 4 + 1024, LANES), np.int32)
-    members = np.empty(block * block, np.int32)
-    for top in range(0, height, block):
-        for left in range(0, width, block):
-            n = 0
-            for row in range(top, min(top + block, height)):
-                for col in range(left, min(left + block, width)):
-                    if texel[row, col] >= 0:
-                        members[n] = texel[row, col]
-                        n += 1
-            while n > 0:
-                if count == out.shape[0]:
-                    larger = np.empty((2 * count, LANES), np.int32)
-                    larger[:count] = out
-                    out = larger
-                seed = members[0]
-                taken, left_over = 0, 0
-                for i in range(n):
-                    k = members[i]
-                    near = True
-                    for axis in range(3):
-                        near = near and abs(position[k, axis] - position[seed, axis]) <= reach
-                    if near and taken < LANES:
-                        out[count, taken] = k
-                        taken += 1
-                    else:
-                        members[left_over] = k
-                        left_over += 1
-                for i in range(taken, LANES):
-                    out[count, i] = out[count, taken - 1]
-                n = left_over
-                count += 1
-    return out[:count].copy()
+            continue
+        texel = flat_index[batch[t]]
+        for light in range(len(out)):
+            at = (_SUMS + 1 + 3 * light) * LANES + t
+            for c in range(3):
+                out[light, texel, c] = lanes[at + c * LANES] * factor

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ive
 
@@ -73,8 +73,9 @@ def residual_kernel(t: float, t_fourth: float) -> Float:
     return _trimmed(both[len(both) // 2 :], TAIL)
 
 
-def lattice_gaussian(variance: float, texel: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Sampled Gaussian whose variance on a lattice of texels is right, although it may be far narrower than one texel.
+@njit(cache=True)
+def lattice_variance(variance, texel, table):  # type: ignore[no-untyped-def]
+    """Parameter of a sampled Gaussian whose variance on a lattice is right, although it may be far below one texel.
 
     Sampled as it is, a Gaussian narrower than 0.6 texel loses its variance (0.0077 instead of 0.09 at sigma 0.3).
     Widening its parameter to t' gives the wanted variance back; from t = 0.9 on t' = t.
@@ -83,47 +84,48 @@ def lattice_gaussian(variance: float, texel: NDArray[np.float32]) -> tuple[NDArr
     ----------
     variance : float
         Wanted, in the unit of `texel`, > 0.
-    texel : ndarray of shape (N,), float32
+    texel : float
         Area of one texel; 0 or less: a sum, not a lattice, `variance` stays.
+    table : tuple
+        `lattice_table()`.
 
     Returns
     -------
-    parameter : ndarray of shape (N,), float32
+    float
         t' texel, with sum_n n^2 exp(-n^2 / 2t') = t sum_n exp(-n^2 / 2t'), t = variance / texel.
-    gain : ndarray of shape (N,), float32
-        2 pi t / (sum_n exp(-n^2 / 2t'))^2: makes the 2-D lattice sum that of the continuous Gaussian.
     """
-    parameter, gain = np.empty(len(texel), np.float32), np.empty(len(texel), np.float32)
-    _lattice(variance, texel, *_lattice_table(), parameter, gain)
-    return parameter, gain
+    if texel <= 0 or variance >= texel:
+        return variance
+    return _at(variance / texel, table[0], table[1]) * texel
 
 
-@njit(cache=True, parallel=True)
-def _lattice(variance, texel, log_t, log_parameter, log_sum, parameter, gain):  # type: ignore[no-untyped-def]
-    per_step = (len(log_t) - 1) / (log_t[-1] - log_t[0])
-    resolved = np.exp(log_t[-1])
-    for i in prange(len(texel)):
-        if texel[i] <= 0 or variance >= resolved * texel[i]:
-            parameter[i], gain[i] = variance, 1.0
-            continue
-        t = variance / texel[i]
-        at = max((np.log(t) - log_t[0]) * per_step, 0.0)
-        k = min(int(at), len(log_t) - 2)
-        f = at - k
-        parameter[i] = np.exp(log_parameter[k] * (1 - f) + log_parameter[k + 1] * f) * texel[i]
-        gain[i] = 2 * np.pi * t / np.exp(2 * (log_sum[k] * (1 - f) + log_sum[k + 1] * f))
+@njit(cache=True)
+def lattice_gain(variance, texel, table):  # type: ignore[no-untyped-def]
+    """2 pi t / (sum_n exp(-n^2 / 2t'))^2: makes the 2-D lattice sum that of the continuous Gaussian."""
+    if texel <= 0 or variance >= texel:
+        return 1.0
+    t = variance / texel
+    return 2 * np.pi * t / _at(t, table[0], table[2]) ** 2
+
+
+@njit(cache=True, inline="always")
+def _at(t, log_t, values):  # type: ignore[no-untyped-def]
+    last = len(log_t) - 1
+    at = min(max((np.log(t) - log_t[0]) * (last / (log_t[-1] - log_t[0])), 0.0), 1.0 * last)
+    k = min(int(at), last - 1)
+    return values[k] + (at - k) * (values[k + 1] - values[k])
 
 
 @lru_cache(maxsize=1)
-def _lattice_table() -> tuple[Float, Float, Float]:
-    """ln t in equal steps, and there ln t' and ln of the 1-D lattice sum, for t' from 0.02 to 1."""
+def lattice_table() -> tuple[Float, Float, Float]:
+    """ln t in equal steps, and there t' and the 1-D lattice sum, for t' from 0.02 to 1."""
     parameter = np.geomspace(0.02, 1.0, 4000)
     n = np.arange(-12, 13)
     weights = np.exp(-(n * n)[None, :] / (2 * parameter[:, None]))
     total = weights.sum(axis=1)
     log_variance = np.log((weights * n * n).sum(axis=1) / total)
     log_t = np.linspace(log_variance[0], log_variance[-1], 4000)
-    return log_t, np.interp(log_t, log_variance, np.log(parameter)), np.interp(log_t, log_variance, np.log(total))
+    return log_t, np.interp(log_t, log_variance, parameter), np.interp(log_t, log_variance, total)
 
 
 def _reach(t: float, tail: float) -> float:

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, interpolate, signed_uv_area
 from skinbake.diffuse.lanes import LANES, gaussian, load, mul_add, same, splat, store
-from skinbake.diffuse.lattice import lattice_gaussian
+from skinbake.diffuse.lattice import lattice_table, lattice_variance
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -111,7 +111,8 @@ def stretch_blur(
         `light` where nothing is within reach.
     """
     lights, height, width, _ = light.shape
-    form, reach = _quadratic_form(covariance)
+    form, reach = np.empty_like(covariance), np.empty((height, width, 2), np.float32)
+    _quadratic_form(covariance, lattice_table(), form, reach)
     pad = int(np.ceil(reach.max(initial=0))) + 1
     padded_width = width + 2 * pad + LANES
     planes = np.zeros((3 * lights + 1, height + 2 * pad, padded_width), np.float32)
@@ -126,22 +127,24 @@ def stretch_blur(
     return out
 
 
-def _quadratic_form(covariance: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Inverse / 64 of each ellipse (xx, 2 xy, yy), and how far it reaches (x, y), texels."""
-    xx, xy, yy = (covariance[..., k].astype(np.float64) for k in range(3))
+@njit(cache=True, parallel=True)
+def _quadratic_form(covariance, table, form, reach):  # type: ignore[no-untyped-def]
+    """Inverse / -64 of each ellipse (xx, 2 xy, yy), and how far it reaches (x, y), texels."""
+    height, width, _ = covariance.shape
     floor = 1e-4
-    xx, yy = np.maximum(xx, floor), np.maximum(yy, floor)
-    limit = 0.999 * np.sqrt(xx * yy)
-    xy = np.clip(xy, -limit, limit)
-    # As the reference does: by the shorter length of a texel, which is the longer axis of the ellipse
-    spread = 0.5 * (xx + yy + np.hypot(xx - yy, 2 * xy))
-    parameter, _ = lattice_gaussian(1.0, (1 / np.maximum(spread, floor)).astype(np.float32).reshape(-1))
-    wider = parameter.reshape(spread.shape).astype(np.float64)  # t'/t: the unit of lattice_gaussian is t here
-    xx, xy, yy = xx * wider, xy * wider, yy * wider
-    det = xx * yy - xy * xy
-    form = np.stack([yy / det, -2 * xy / det, xx / det], axis=-1) / 64
-    reach = np.minimum(CUT_SIGMA * np.sqrt(np.stack([xx, yy], axis=-1)), MAX_REACH)
-    return form.astype(np.float32), reach.astype(np.float32)
+    for row in prange(height):
+        for col in range(width):
+            xx, yy = max(np.float64(covariance[row, col, 0]), floor), max(np.float64(covariance[row, col, 2]), floor)
+            limit = 0.999 * np.sqrt(xx * yy)
+            xy = min(max(np.float64(covariance[row, col, 1]), -limit), limit)
+            # As the reference does: by the shorter length of a texel, which is the longer axis of the ellipse
+            spread = 0.5 * (xx + yy + np.hypot(xx - yy, 2 * xy))
+            wider = lattice_variance(1.0, 1 / max(spread, floor), table)  # t'/t: its unit is t here
+            xx, xy, yy = xx * wider, xy * wider, yy * wider
+            each = -64 * (xx * yy - xy * xy)
+            form[row, col, 0], form[row, col, 1], form[row, col, 2] = yy / each, -2 * xy / each, xx / each
+            reach[row, col, 0] = min(CUT_SIGMA * np.sqrt(xx), MAX_REACH)
+            reach[row, col, 1] = min(CUT_SIGMA * np.sqrt(yy), MAX_REACH)
 
 
 @njit(cache=True, parallel=True)
@@ -159,7 +162,7 @@ def _gather(planes, chart_padded, form, reach, chart, pad, out):  # type: ignore
             reach_x, reach_y, some = _ZERO, _ZERO, False
             for t in range(LANES):
                 col = left + t
-                at[0, t], at[1, t], at[2, t], at[3, t] = 1.0, 0.0, 1.0, _EMPTY - 1
+                at[0, t], at[1, t], at[2, t], at[3, t] = -1.0, 0.0, -1.0, _EMPTY - 1
                 if col < width and chart[row, col] >= 0:
                     some = True
                     at[3, t] = chart[row, col]

@@ -21,18 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
-from skinbake.diffuse.clusters import MomentPyramid, cut_clusters, moment_pyramid
-from skinbake.diffuse.gather import gather, make_batches
-from skinbake.diffuse.lattice import lattice_gaussian
+from skinbake.diffuse.clusters import MomentPyramid, moment_pyramid
+from skinbake.diffuse.gather import gather
 from skinbake.diffuse.points import TexelPoints, texel_points
-from skinbake.diffuse.rows import AMPLITUDE, NARROWING, SourceRows, sort_into_rows
+from skinbake.diffuse.sources import SourceTree, source_tree
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
 SPACING = 0.8  # widest cluster, in sigma: side of the square whose spread it may have
-CUT_SIGMA = 3.5  # measured: what lies beyond changes no error by a tenth, as the sums are normalised
-_BLOCK = 4
-_LEVELS = 9
+CUT_SIGMA = 4.0  # what lies beyond makes sums wrong by 3e-5
 
 
 @dataclass(frozen=True)
@@ -50,9 +47,9 @@ class SurfaceLight:
     tiles: tuple[tuple[TexelPoints, NDArray[np.float32], MomentPyramid], ...]
 
     @property
-    def channels(self) -> int:
-        """Three for each light."""
-        return 3 * len(self.tiles[0][1])
+    def lights(self) -> int:
+        """L."""
+        return len(self.tiles[0][1])
 
     @cached_property
     def mean_texel_mm2(self) -> float:
@@ -61,21 +58,9 @@ class SurfaceLight:
         return area / max(1, sum(int(np.count_nonzero(p.area_mm2)) for p, _, _ in self.tiles))
 
     @cached_property
-    def texels(self) -> SourceRows:
+    def texels(self) -> SourceTree:
         """Every texel that has area, its area as the amplitude: sources of the narrowest lobes and of the reference."""
-        singles = cut_clusters(self.tiles, 0.0, 0)
-        singles[:, NARROWING] = 1
-        return sort_into_rows(singles, 2 * np.sqrt(max(self.mean_texel_mm2, 1e-12)))
-
-
-@dataclass(frozen=True)
-class LobeSources:
-    """Sources of one lobe, and how far a target looks."""
-
-    rows: SourceRows
-    variance_mm2: float
-    cut: float
-    widest_amplitude: float
+        return source_tree(self.tiles)
 
 
 def surface_light(radiosity: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: SkinMesh) -> SurfaceLight:
@@ -92,61 +77,22 @@ def surface_light(radiosity: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: 
     for raster, values in zip(atlas, radiosity, strict=True):
         points = texel_points(raster, mesh, centre)
         flat = values.reshape(len(values), -1, 3)
-        levels = min(_LEVELS, max(raster.shape).bit_length())
-        tiles.append((points, flat, moment_pyramid(points, flat, levels)))
+        tiles.append((points, flat, moment_pyramid(points, flat)))
     return SurfaceLight(centre, tuple(tiles))
 
 
-def lobe_sources(
-    light: SurfaceLight, variance_mm2: float, spacing: float = SPACING, cut: float = CUT_SIGMA
-) -> LobeSources:
-    """Clusters of one lobe, sorted for lookup.
+def lobe_sources(light: SurfaceLight, variance_mm2: float, spacing: float = SPACING) -> SourceTree:
+    """Clusters of one lobe.
 
     Parameters
     ----------
     spacing : float
         Side of the widest cluster, in sigma; 0 keeps every texel.
-    cut : float
-        Radius of the sum in sigma.
     """
     max_spread = spacing**2 / 12 * variance_mm2
     if max_spread < light.mean_texel_mm2 / 16:  # a quarter of the spread of four texels: most would stand alone
-        rows = light.texels
-    else:
-        # Wider blocks than four times the limit are rare enough to be left as several clusters
-        levels = int(np.log2(4 * np.sqrt(12 * max_spread / light.mean_texel_mm2))) + 1
-        clusters = cut_clusters(light.tiles, max_spread, levels)
-        clusters[:, NARROWING] = np.float32(variance_mm2) / (np.float32(variance_mm2) - clusters[:, NARROWING])
-        clusters[:, AMPLITUDE] *= clusters[:, NARROWING]
-        rows = sort_into_rows(clusters, cut * np.sqrt(variance_mm2) / 3)
-    widest = float(rows.source[:, AMPLITUDE].max(initial=0)) or 1.0
-    return LobeSources(rows, variance_mm2, cut, widest)
-
-
-def evaluate(
-    sources: LobeSources,
-    points: TexelPoints,
-    separate: bool,
-    normalise: bool,
-    out: NDArray[np.float32],
-    weight: NDArray[np.float32] | None = None,
-) -> None:
-    """Write M at each point into `out` (texels, C), at row `points.flat_index`; without any source, nothing."""
-    # Where texels are coarser than the lobe, their lattice spreads light as far as the next texel
-    variance, gain = lattice_gaussian(sources.variance_mm2, points.texel_mm2)
-    near = sources.cut * np.sqrt(sources.variance_mm2) + 4 * np.sqrt(
-        np.median(points.texel_mm2) if len(variance) else 0.0
-    )
-    batches = make_batches(points.row, _BLOCK, points.position, np.float32(near))
-    rows = sources.rows
-    if weight is None:
-        weight = np.zeros(len(out), np.float32)
-    density = 0.0 if normalise else sources.widest_amplitude / (2 * np.pi * sources.variance_mm2)
-    gather(
-        batches, points.position, points.normal, variance, gain, points.flat_index,
-        rows.source, rows.row_start, rows.origin, rows.cell, rows.rows_y, rows.rows_z,
-        np.float32(sources.cut), separate, np.float32(1 / sources.widest_amplitude), np.float32(density), out, weight,
-    )  # fmt: skip
+        return light.texels
+    return source_tree(light.tiles, max_spread, variance_mm2)
 
 
 def surface_blur(
@@ -168,13 +114,13 @@ def surface_blur(
 
     Returns
     -------
-    list of ndarray of shape (h, w, C), float32
+    list of ndarray of shape (L, h, w, 3), float32
         Zero where the atlas is empty.
     """
-    sources = lobe_sources(light, variance_mm2, spacing, cut)
+    sources = lobe_sources(light, variance_mm2, spacing)
     result = []
     for points in target:
-        out = np.zeros((points.row.size, light.channels), np.float32)
-        evaluate(sources, points, separate, normalise, out)
-        result.append(out.reshape(*points.row.shape, -1))
+        out = np.zeros((light.lights, points.row.size, 3), np.float32)
+        gather(points, sources, variance_mm2, cut, separate, normalise, out)
+        result.append(out.reshape(light.lights, *points.row.shape, 3))
     return result

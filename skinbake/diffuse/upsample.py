@@ -66,7 +66,7 @@ def interpolate_smooth(
 
     Parameters
     ----------
-    coarse : ndarray of shape (h * w, C), float32
+    coarse : ndarray of shape (L, h, w, 3), float32
         The field at half the size.
     row : ndarray of shape (2 h, 2 w), int32
         Rows of the positions, -1 where empty.
@@ -74,7 +74,7 @@ def interpolate_smooth(
         See `least_sigma`.
     sigma_mm : float
         Of the lobe: how fast the field may change.
-    out : ndarray of shape (4 h w, C), float32
+    out : ndarray of shape (L, 2 h, 2 w, 3), float32
         Written where safe.
 
     Returns
@@ -133,18 +133,19 @@ def _least_sigma(coarse, widest, row_of, position, gap, miss, sigma):  # type: i
 
 @njit(cache=True, parallel=True)
 def _interpolate(coarse, least_sigma_mm, sigma_mm, out, left):  # type: ignore[no-untyped-def]
-    width, channels = left.shape[1] // 2, coarse.shape[1]
+    lights, _, width, _ = coarse.shape
     for r in prange(left.shape[0]):
         safe = least_sigma_mm[r] <= sigma_mm
         if not safe.any():
             continue
-        line = np.empty((width, channels), np.float32)
-        _blend_rows(coarse, r, line.reshape(-1))
-        for c in range(left.shape[1]):
-            if safe[c]:
-                left[r, c] = -1
-                for q in range(channels):
-                    out[r * left.shape[1] + c, q] = max(_blend(line, c, q), np.float32(0))
+        line = np.empty((width, 3), np.float32)
+        for light in range(lights):
+            _blend_rows(coarse[light], r, line.reshape(-1))
+            for c in range(left.shape[1]):
+                if safe[c]:
+                    left[r, c] = -1
+                    for q in range(3):
+                        out[light, r, c, q] = max(_blend(line, c, q), np.float32(0))
 
 
 @njit(cache=True, inline="always")

@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skinbake.diffuse.lattice import discrete_gaussian, lattice_gaussian, residual_kernel, sampled_gaussian
+from skinbake.diffuse.lattice import (
+    discrete_gaussian,
+    lattice_gain,
+    lattice_table,
+    lattice_variance,
+    residual_kernel,
+    sampled_gaussian,
+)
 
 
 def _moments(half):
@@ -54,20 +61,18 @@ def test_sampled_gaussian_lies_where_it_is_put():
 
 
 @pytest.mark.parametrize("t", [3e-3, 0.02, 0.09, 0.3, 0.6, 0.88, 1.0, 5.0])
-def test_lattice_gaussian_spreads_a_lattice_by_what_was_asked(t):
+def test_lattice_variance_spreads_a_lattice_by_what_was_asked(t):
     """The variance of the sampled, widened Gaussian is t, and `gain` makes its sum 2 pi t."""
-    parameter, gain = lattice_gaussian(t, np.ones(1, np.float32))
     n = np.arange(-40, 41)
-    w = np.exp(-(n**2) / (2 * float(parameter[0])))
+    w = np.exp(-(n**2) / (2 * lattice_variance(t, 1.0, lattice_table())))
     assert (w * n**2).sum() / w.sum() == pytest.approx(t, rel=2e-3)
-    assert w.sum() ** 2 * gain[0] == pytest.approx(2 * np.pi * t, rel=2e-3)
+    assert w.sum() ** 2 * lattice_gain(t, 1.0, lattice_table()) == pytest.approx(2 * np.pi * t, rel=2e-3)
 
 
 def test_a_sum_of_no_lattice_is_left_alone():
     """texel 0 means: not a texel."""
-    parameter, gain = lattice_gaussian(0.01, np.zeros(1, np.float32))
-    assert parameter[0] == np.float32(0.01)
-    assert gain[0] == 1
+    assert lattice_variance(0.01, 0.0, lattice_table()) == 0.01
+    assert lattice_gain(0.01, 0.0, lattice_table()) == 1
 
 
 def test_negative_variance_is_refused():
