@@ -145,7 +145,7 @@ def _candidates(diffuser: Diffuser, variance: float, probes: Probes, exact: Floa
     promising = judge.rms(texture - exact) < found[0].error
     for level in range(coarsest + 1) if promising else ():
         height, width = level_size(diffuser.size, level)
-        read = texture if level == 0 else diffuser.read(diffuser.map("texture", variance, level, 0.0), probes, half)
+        read = texture if level == 0 else diffuser.read_texture(variance, level, probes)
         add("texture", level, 0.0, read, _TEXTURE * height * width * len(diffuser.atlas) * diffuser.lights)
     spacing = cluster_spacing(diffuser.spec.tolerance)
     for level in range(coarsest + 1):

@@ -15,6 +15,7 @@ from skinbake.diffuse.diffuser import Diffuser, Tiles
 from skinbake.diffuse.error import measure_error, weighted_sum
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.plan import LobePlan, plan_lines, plan_lobes
+from skinbake.diffuse.points import TexelPoints
 from skinbake.diffuse.probes import VERIFY, VERIFY_AGAIN, Probes, draw_probes, squeezed_share
 from skinbake.diffuse.remember import Remember, RememberingDiffuser
 from skinbake.errors import InputError
@@ -93,9 +94,9 @@ def diffuse(
     made = _made(diffuser, plans, gaussians, tell)
     error: MeasuredError | None = None
     by_lobe: list[MeasuredError | None] = [None] * len(plans)
+    points = [p for p, _, _ in diffuser.surface.tiles]
     if spec.probes:
         tell("measuring the error")
-        points = [p for p, _, _ in diffuser.surface.tiles]
         probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY)
         if len(probes):
             error, by_lobe = _errors(diffuser, plans, made, gaussians, probes, precision)
@@ -113,6 +114,7 @@ def diffuse(
         if squeezed > 0:
             why = f"{squeezed:.2%} of the skin has no texture to speak of: not judged"
             lines.append(PlanLine("squeezed skin", False, why))
+    arrives = _area_sum(diffuser.source, points)
     met = error is None or error.rms <= spec.tolerance
     return DiffuseMap(
         lights=lights,
@@ -123,7 +125,7 @@ def diffuse(
                 method=plan.method,
                 rgb={r.tile: _unscaled(rgb, exponent) for r, rgb in zip(atlas, values, strict=True)},
                 error=own,
-                total_rgb=_total(diffuser, values, plan.level),
+                total_rgb=_total(diffuser, values, plan.level, arrives),
             )
             for v, weight, plan, values, own in zip(
                 gaussians.variance_mm2, gaussians.weight_rgb, plans, made, by_lobe, strict=True
@@ -205,24 +207,21 @@ def _errors(
     return total, [measure_error(*each) for each in zip(read, unreduced, exact, strict=True)]
 
 
-def _total(diffuser: Diffuser, values: Tiles, level: int) -> tuple[float, float, float]:
-    """Area-weighted total of a lobe over the light's."""
-    leaves = np.zeros(3)
-    arrives = np.zeros(3)
-    for k, rgb in enumerate(values):
-        points = diffuser.surface.tiles[k][0]
-        here = diffuser.targets(level)[k] if level else points
-        leaves += _area_sum(rgb, here.flat_index, here.area_mm2)
-        arrives += _area_sum(diffuser.source[k], points.flat_index, points.area_mm2)
+def _total(diffuser: Diffuser, values: Tiles, level: int, arrives: Float) -> tuple[float, float, float]:
+    """Area-weighted total of a lobe over the light's, `arrives`."""
+    leaves = _area_sum(values, diffuser.targets(level) if level else [p for p, _, _ in diffuser.surface.tiles])
     ratio = np.divide(leaves, arrives, out=np.ones(3), where=arrives > 0)
     return float(ratio[0]), float(ratio[1]), float(ratio[2])
 
 
-def _area_sum(rgb: NDArray[np.float32], flat: NDArray[np.int32], area: NDArray[np.float32]) -> Float:
+def _area_sum(tiles: Tiles, points: list[TexelPoints]) -> Float:
     """Sum over lights and texels of radiosity times area, (3,); in blocks, so that threads cannot change it."""
-    blocks = np.zeros((-(-len(flat) // _BLOCK), 3))
-    _area_sums(rgb.reshape(len(rgb), -1, 3), flat, area, blocks)
-    return blocks.sum(axis=0)
+    total = np.zeros(3)
+    for rgb, here in zip(tiles, points, strict=True):
+        blocks = np.zeros((-(-len(here.flat_index) // _BLOCK), 3))
+        _area_sums(rgb.reshape(len(rgb), -1, 3), here.flat_index, here.area_mm2, blocks)
+        total += blocks.sum(axis=0)
+    return total
 
 
 @njit(cache=True, parallel=True)

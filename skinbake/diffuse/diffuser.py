@@ -28,6 +28,7 @@ from skinbake.diffuse.texture import (
     TexturePyramid,
     level_size,
     mean_mm_per_texel,
+    read_texture,
     texture_at,
     texture_blur,
     texture_pyramids,
@@ -159,6 +160,10 @@ class Diffuser:
             )
             out[mine] = (values.reshape(*flat.shape, -1) * weight[..., None]).sum(axis=1)
         return out
+
+    def read_texture(self, variance_mm2: float, level: int, probes: Probes) -> Float:
+        """What reading a stored `texture` lobe will give at the probes."""
+        return read_texture(self.pyramids, self.variance_texels2(variance_mm2), level, probes)
 
     def read(self, tiles: Tiles, probes: Probes, half: bool) -> Float:
         """A stored lobe read bilinearly at the probes, (P, 3 L)."""

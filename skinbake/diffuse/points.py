@@ -67,14 +67,14 @@ def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float, extend: 
     flat = np.empty(count, dtype=np.int32)
     position, normal = np.empty((count, 3), dtype=np.float32), np.empty((count, 3), dtype=np.float32)
     area, texel_mm2 = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
+    widest = np.zeros(height, dtype=np.float32)  # texel of each row that has skin
     _points(
         raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage, corner_xy,
         mesh.corner_position_mm - centre_mm, mesh.corner_normal, face_mm2, shorter_mm2,
         MAX_BEYOND_TEXELS if extend else 0.0, np.cumsum(per_row) - per_row,
-        row, flat, position, normal, area, texel_mm2,
+        row, flat, position, normal, area, texel_mm2, widest,
     )  # fmt: skip
-    if count:
-        np.minimum(texel_mm2, texel_mm2[area > 0].max(initial=0.0), out=texel_mm2)
+    np.minimum(texel_mm2, widest.max(initial=0.0), out=texel_mm2)
     return TexelPoints(row, flat, position, normal, area, texel_mm2)
 
 
@@ -87,7 +87,7 @@ def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
 @njit(cache=True, parallel=True)
 def _points(  # type: ignore[no-untyped-def]
     face_index, barycentric, area_mm2, coverage, corner_xy, corner_mm, corner_normal, face_mm2, shorter_mm2, beyond,
-    start, row_out, flat, position, normal, area, texel_mm2,
+    start, row_out, flat, position, normal, area, texel_mm2, widest,
 ):  # fmt: skip
     height, width = face_index.shape
     for row in prange(height):
@@ -106,6 +106,8 @@ def _points(  # type: ignore[no-untyped-def]
             texel_mm2[n] = shorter_mm2[f]
             if covered > 0:
                 texel_mm2[n] = min(shorter_mm2[f], area_mm2[row, col] / covered)
+            if area[n] > 0:
+                widest[row] = max(widest[row], texel_mm2[n])
             length2 = 0.0
             for k in range(3):
                 position[n, k] = b0 * corner_mm[f, 0, k] + b1 * corner_mm[f, 1, k] + b2 * corner_mm[f, 2, k]

@@ -78,23 +78,22 @@ def draw_probes(
         Not negative, by row of all points: half of the probes are drawn in proportion to it too, and weighed back.
     """
     rng = np.random.default_rng([seed, stream])
-    area = np.concatenate([p.area_mm2 for p in points]).astype(np.float64)
-    area[area > SQUEEZED * _mean_area(area)] = 0
-    weight = np.ones(count)
+    area, _ = _judged(points)
     chance = area
-    if preference is not None and (area * preference).sum() > 0:
-        preferred = area * preference
-        chance = 0.5 * area / area.sum() + 0.5 * preferred / preferred.sum()
-    owner = np.repeat(np.arange(len(points), dtype=np.int32), [len(p.area_mm2) for p in points])
-    within = np.concatenate([np.arange(len(p.area_mm2)) for p in points])
-    total = np.cumsum(chance)
+    if preference is not None:
+        preferred = area * preference.astype(np.float64)
+        if preferred.sum() > 0:
+            chance = 0.5 * area / area.sum(dtype=np.float64) + 0.5 * preferred / preferred.sum()
+    total = np.cumsum(chance, dtype=np.float64)
     if len(total) == 0 or total[-1] <= 0:
         count = 0
     drawn = np.searchsorted(total, rng.random(count) * (total[-1] if count else 0.0), side="right")
     drawn = np.sort(np.minimum(drawn, len(total) - 1))
-    tile, row = owner[drawn], within[drawn]
+    first = np.cumsum([0, *(len(p.area_mm2) for p in points)])
+    tile = np.searchsorted(first, drawn, side="right").astype(np.int32) - 1
+    row, weight = drawn - first[tile], np.ones(count)
     if chance is not area:
-        weight = area[drawn] / area.sum() / (chance[drawn] / total[-1])
+        weight = area[drawn] / area.sum(dtype=np.float64) / (chance[drawn] / total[-1])
     flat = np.zeros(count, np.int64)
     place = np.zeros((count, 2))
     position, normal = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
@@ -112,13 +111,20 @@ def draw_probes(
 
 def squeezed_share(points: Sequence[TexelPoints]) -> float:
     """Share of the skin in texels that hold more of it than SQUEEZED mean ones."""
-    area = np.concatenate([p.area_mm2 for p in points]).astype(np.float64)
-    total = area.sum()
-    return float(area[area > SQUEEZED * _mean_area(area)].sum() / total) if total > 0 else 0.0
+    return _judged(points)[1]
 
 
-def _mean_area(area_mm2: Float) -> float:
-    return float(area_mm2.sum() / max(1, np.count_nonzero(area_mm2)))
+def _judged(points: Sequence[TexelPoints]) -> tuple[NDArray[np.float32], float]:
+    """Area of each texel of all tiles, 0 where it is not judged, and the share of the skin that is not."""
+    area = np.concatenate([p.area_mm2 for p in points])
+    total = float(area.sum(dtype=np.float64))
+    limit = SQUEEZED * total / max(1, int(np.count_nonzero(area)))
+    if not area.max(initial=0) > limit:
+        return area, 0.0
+    squeezed = area > limit
+    share = float(area[squeezed].sum(dtype=np.float64)) / total
+    area[squeezed] = 0
+    return area, share
 
 
 def _places(

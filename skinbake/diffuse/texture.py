@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
-from skinbake.diffuse.probes import Probes
+from skinbake.diffuse.probes import Probes, bilinear_texels
 from skinbake.diffuse.separable import decimate, decimation_weights, masked_light, normalised_blur
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
@@ -169,27 +169,48 @@ def texture_at(
 
     A level's kernel is band-limited (its variance is at least 0.6 texels): a Fourier shift lays it between the texels.
     """
-    lights = (pyramids[0].levels[0].shape[2] - 1) // 3
-    out = np.zeros((len(probes), 3 * lights))
+    out = np.zeros((len(probes), pyramids[0].levels[0].shape[2] - 1))
     for k, pyramid in enumerate(pyramids):
         mine = np.flatnonzero(probes.tile == k)
-        size = level_size(pyramid.levels[0].shape[:2], level)
         full = pyramid.levels[0].shape[:2]
-        image = pyramid.level(level)
+        size = level_size(full, level)
         texel = np.divmod(probes.flat_index[mine], full[1])
-        first, which, weights = [], [], []
-        for axis in (0, 1):
-            at = (texel[axis] + 0.5) * size[axis] / full[axis] - 0.5 + level_margin(level)
-            # Few different places between texels, as a rule: two at each level
-            between, index = np.unique(at - np.rint(at), return_inverse=True)
-            kernels = _between(level_kernel(pyramid, variance_texels2, level, axis), between)
-            first.append(np.rint(at).astype(np.int64) - kernels.shape[1] // 2)
-            which.append(index)
-            weights.append(kernels)
-        values = np.zeros((len(mine), 3 * lights))
-        _weighted_windows(image, first[0], first[1], which[0], which[1], weights[0], weights[1], _NO_COVERAGE, values)
-        out[mine] = values
+        out[mine] = _blur_at(
+            pyramid, variance_texels2, level, [(texel[a] + 0.5) * size[a] / full[a] - 0.5 for a in (0, 1)]
+        )
     return out
+
+
+def read_texture(
+    pyramids: Sequence[TexturePyramid], variance_texels2: tuple[float, float], level: int, probes: Probes
+) -> Float:
+    """What reading the stored lobe will give at the probes, from the four texels around each only, (P, 3 L)."""
+    out = np.zeros((len(probes), pyramids[0].levels[0].shape[2] - 1))
+    for k, pyramid in enumerate(pyramids):
+        mine = np.flatnonzero(probes.tile == k)
+        height, width = level_size(pyramid.levels[0].shape[:2], level)
+        flat, weight = bilinear_texels(probes.place[mine], height, width)
+        texel = np.divmod(flat.reshape(-1), width)
+        values = _blur_at(pyramid, variance_texels2, level, [axis.astype(np.float64) for axis in texel])
+        out[mine] = np.einsum("pkc,pk->pc", values.reshape(*flat.shape, -1), weight)
+    return out
+
+
+def _blur_at(pyramid: TexturePyramid, variance_texels2: tuple[float, float], level: int, at: Sequence[Float]) -> Float:
+    """The blur at places of a level, texels from the first one's centre as (row, column), (P, 3 L)."""
+    image = pyramid.level(level)
+    first, which, weights = [], [], []
+    for axis in (0, 1):
+        place = at[axis] + level_margin(level)
+        # Few different places between texels, as a rule: two at each level
+        between, index = np.unique(place - np.rint(place), return_inverse=True)
+        kernels = _between(level_kernel(pyramid, variance_texels2, level, axis), between)
+        first.append(np.rint(place).astype(np.int64) - kernels.shape[1] // 2)
+        which.append(index)
+        weights.append(kernels)
+    values = np.zeros((len(at[0]), image.shape[2] - 1))
+    _weighted_windows(image, first[0], first[1], which[0], which[1], weights[0], weights[1], _NO_COVERAGE, values)
+    return values
 
 
 def _between(half: Float, offset: Float) -> Float:
