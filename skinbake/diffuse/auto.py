@@ -110,8 +110,6 @@ def plan_auto(
                 f"v = {gaussians.variance_mm2[i]:.4g} mm^2: {plan.method} at size / {2**plan.level}; {plan.why}",
             )
         )
-        if plan.method != "surface":
-            diffuser.forget(float(gaussians.variance_mm2[i]))
     lines.append(
         PlanLine(
             "lobes together",

@@ -91,25 +91,20 @@ def diffuse(
         plans = plan_lobes(diffuser, gaussians)
         lines = plan_lines(plans, gaussians)
 
-    made = _made(diffuser, plans, gaussians, tell)
-    error: MeasuredError | None = None
-    by_lobe: list[MeasuredError | None] = [None] * len(plans)
     points = [p for p, _, _ in diffuser.surface.tiles]
+    probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY)
+    made, error, by_lobe = _make(diffuser, plans, gaussians, probes, precision, tell)
+    if error is not None and error.rms > spec.tolerance and spec.method == "auto":
+        # The probes showed what the plan had not seen: plan with them, and judge by others
+        tell("planning again")
+        del made
+        plans, lines = plan_auto(diffuser, gaussians, seed, precision, probes)
+        probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY_AGAIN)
+        first = error.rms
+        made, error, by_lobe = _make(diffuser, plans, gaussians, probes, precision, tell)
+        why = f"the first plan was wrong by {first:.3%} at probes that it had not seen; judged by others again"
+        lines.append(PlanLine("second plan", True, why))
     if spec.probes:
-        tell("measuring the error")
-        probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY)
-        if len(probes):
-            error, by_lobe = _errors(diffuser, plans, made, gaussians, probes, precision)
-        if error is not None and error.rms > spec.tolerance and spec.method == "auto":
-            # The probes showed what the plan had not seen: plan with them, and judge by others
-            tell("planning again")
-            plans, lines = plan_auto(diffuser, gaussians, seed, precision, probes)
-            made = _made(diffuser, plans, gaussians, tell)
-            probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY_AGAIN)
-            first = error.rms
-            error, by_lobe = _errors(diffuser, plans, made, gaussians, probes, precision)
-            why = f"the first plan was wrong by {first:.3%} at probes that it had not seen; judged by others again"
-            lines.append(PlanLine("second plan", True, why))
         squeezed = squeezed_share(points)
         if squeezed > 0:
             why = f"{squeezed:.2%} of the skin has no texture to speak of: not judged"
@@ -138,14 +133,38 @@ def diffuse(
     )
 
 
-def _made(
-    diffuser: Diffuser, plans: tuple[LobePlan, ...], gaussians: GaussianSum, tell: Callable[[str], None]
-) -> list[Tiles]:
-    made = []
-    for i, (plan, variance) in enumerate(zip(plans, gaussians.variance_mm2, strict=True)):
+def _make(
+    diffuser: Diffuser,
+    plans: tuple[LobePlan, ...],
+    gaussians: GaussianSum,
+    probes: Probes,
+    precision: str,
+    tell: Callable[[str], None],
+) -> tuple[list[Tiles], MeasuredError | None, list[MeasuredError | None]]:
+    """Every lobe; the error of their sum and of each, if there are probes."""
+    variances = [float(v) for v in gaussians.variance_mm2]
+    tell("measuring the error")
+    exact = [diffuser.reference(v, probes) for v in variances] if len(probes) else []
+    made, unreduced, read = [], [], []
+    for i, (plan, variance) in enumerate(zip(plans, variances, strict=True)):
+        diffuser.keep_for([(p.method, v, p.spacing) for p, v in zip(plans[i:], variances[i:], strict=True)])
         tell(f"lobe {i}: {plan.method}")
-        made.append(diffuser.map(plan.method, float(variance), plan.level, plan.spacing))
-    return made
+        values = diffuser.map(plan.method, variance, plan.level, plan.spacing)
+        made.append(values)
+        if len(probes):
+            # `stretch` has no result of its own between the texels that it was made at
+            direct = plan.method != "stretch"
+            unreduced.append(
+                diffuser.at(plan.method, variance, plan.level, plan.spacing, probes)
+                if direct
+                else diffuser.read(values, probes, half=False)
+            )
+            read.append(diffuser.read(values, probes, precision == "half"))
+    diffuser.keep_for([])
+    if not len(probes):
+        return made, None, [None] * len(plans)
+    total = measure_error(*(weighted_sum(x, gaussians.weight_rgb) for x in (read, unreduced, exact)))
+    return made, total, [measure_error(*each) for each in zip(read, unreduced, exact, strict=True)]
 
 
 def _checked(source: dict[int, NDArray[np.float32]], lights: tuple[str, ...], atlas: Atlas) -> Tiles:
@@ -172,7 +191,7 @@ def _scaled(tiles: Tiles) -> tuple[Tiles, list[int]]:
     """Each light by a power of two, if sums of it could leave float32; the exponents that were taken off."""
     exponents = []
     for k in range(tiles[0].shape[0]):
-        peak = max(float(np.abs(t[k]).max(initial=0)) for t in tiles)
+        peak = max(max(float(t[k].max(initial=0)), -float(t[k].min(initial=0))) for t in tiles)
         exponents.append(int(np.frexp(peak)[1]) if peak > 0 and not 1e-12 < peak < 1e12 else 0)
     if not any(exponents):
         return tiles, exponents
@@ -184,27 +203,6 @@ def _unscaled(rgb: NDArray[np.float32], exponents: list[int]) -> NDArray[np.floa
     if not any(exponents):
         return rgb
     return (rgb * np.exp2(np.asarray(exponents, np.float64))[:, None, None, None]).astype(np.float32)
-
-
-def _errors(
-    diffuser: Diffuser,
-    plans: tuple[LobePlan, ...],
-    made: list[Tiles],
-    gaussians: GaussianSum,
-    probes: Probes,
-    precision: str,
-) -> tuple[MeasuredError, list[MeasuredError | None]]:
-    exact, unreduced, read = [], [], []
-    for plan, values, variance in zip(plans, made, gaussians.variance_mm2, strict=True):
-        exact.append(diffuser.reference(float(variance), probes))
-        if plan.method == "stretch":  # has no result of its own between the texels that it was made at
-            unreduced.append(diffuser.read(values, probes, half=False))
-        else:
-            unreduced.append(diffuser.at(plan.method, float(variance), plan.level, plan.spacing, probes))
-        read.append(diffuser.read(values, probes, precision == "half"))
-        diffuser.forget(float(variance))
-    total = measure_error(*(weighted_sum(x, gaussians.weight_rgb) for x in (read, unreduced, exact)))
-    return total, [measure_error(*each) for each in zip(read, unreduced, exact, strict=True)]
 
 
 def _total(diffuser: Diffuser, values: Tiles, level: int, arrives: Float) -> tuple[float, float, float]:

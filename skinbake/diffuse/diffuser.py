@@ -23,7 +23,7 @@ from skinbake.diffuse.stretch import (
     texel_covariance,
     uv_vertices,
 )
-from skinbake.diffuse.surface import SurfaceLight, lobe_sources, surface_light
+from skinbake.diffuse.surface import SurfaceLight, lobe_sources, sums_texels, surface_light
 from skinbake.diffuse.texture import (
     TexturePyramid,
     level_size,
@@ -94,15 +94,20 @@ class Diffuser:
         return self._targets[level]
 
     def sources(self, variance_mm2: float, spacing: float) -> SourceTree:
-        """Clusters of one lobe; kept until `forget`."""
+        """Clusters of one lobe; kept until `keep_for`."""
         key = (variance_mm2, spacing)
         if key not in self._sources:
             self._sources[key] = lobe_sources(self.surface, variance_mm2, spacing)
         return self._sources[key]
 
-    def forget(self, variance_mm2: float) -> None:
-        """Drop what only this lobe needed."""
-        self._sources = {key: kept for key, kept in self._sources.items() if key[0] != variance_mm2}
+    def keep_for(self, lobes: Sequence[tuple[str, float, float]]) -> None:
+        """Drop what none of these lobes needs: (method, variance_mm2, spacing) each."""
+        summed = [(variance, spacing) for method, variance, spacing in lobes if method == "surface"]
+        self._sources = {key: kept for key, kept in self._sources.items() if key in summed}
+        if "surface" in self.__dict__ and not any(sums_texels(self.surface, *each) for each in summed):
+            self.surface.__dict__.pop("texels", None)
+        if not any(method == "texture" for method, _, _ in lobes):
+            self.__dict__.pop("pyramids", None)
 
     def map(self, method: str, variance_mm2: float, level: int, spacing: float) -> Tiles:
         """One lobe at a stored size, (L, h, w, 3) a tile."""

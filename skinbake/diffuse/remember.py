@@ -84,11 +84,11 @@ class RememberingDiffuser(Diffuser):
         kind = _kind("read", variance_mm2, level, spacing, probes)
         return self._columns(kind, lambda part: part.read_surface(variance_mm2, level, spacing, probes))
 
-    def forget(self, variance_mm2: float) -> None:
-        """Drop what only this lobe needed."""
-        super().forget(variance_mm2)
+    def keep_for(self, lobes: Sequence[tuple[str, float, float]]) -> None:
+        """Drop what none of these lobes needs."""
+        super().keep_for(lobes)
         for part in self._parts.values():
-            part.forget(variance_mm2)
+            part.keep_for(lobes)
 
     def _columns(self, kind: Kind, compute: Callable[[Diffuser], Float]) -> Float:
         def make(names: tuple[str, ...]) -> dict[str, Values]:

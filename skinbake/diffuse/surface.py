@@ -89,10 +89,14 @@ def lobe_sources(light: SurfaceLight, variance_mm2: float, spacing: float = SPAC
     spacing : float
         Side of the widest cluster, in sigma; 0 keeps every texel.
     """
-    max_spread = spacing**2 / 12 * variance_mm2
-    if max_spread < light.mean_texel_mm2 / 16:  # a quarter of the spread of four texels: most would stand alone
+    if sums_texels(light, variance_mm2, spacing):
         return light.texels
-    return source_tree(light.tiles, max_spread, variance_mm2)
+    return source_tree(light.tiles, spacing**2 / 12 * variance_mm2, variance_mm2)
+
+
+def sums_texels(light: SurfaceLight, variance_mm2: float, spacing: float) -> bool:
+    """Whether a lobe is so narrow that most texels would be clusters by themselves."""
+    return spacing**2 / 12 * variance_mm2 < light.mean_texel_mm2 / 16  # a quarter of the spread of four texels
 
 
 def surface_blur(
