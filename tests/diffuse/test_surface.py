@@ -18,6 +18,7 @@ from skinbake.diffuse.surface import surface_blur, surface_light
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
 from tests.diffuse.exact import brute_force
+from tests.diffuse.test_sources import places
 from tests.shapes import joined, quad, relief, sphere
 
 
@@ -38,13 +39,6 @@ def _bumps(height_mm=18.0):
     return mesh, atlas, _lit(mesh, atlas)
 
 
-def of_sources(tree):
-    """Positions and normals, both (S, 3)."""
-    there = np.arange(16) < np.diff(tree.leaf_start)[:, None]
-    geometry = tree.leaf.transpose(0, 2, 1)[there]
-    return geometry[:, :3], geometry[:, 3:]
-
-
 @pytest.mark.parametrize("variance", [0.02, 0.3, 3.0, 40.0])
 @pytest.mark.parametrize("separate", [True, False])
 def test_reference_equals_brute_force(variance, separate):
@@ -57,7 +51,7 @@ def test_reference_equals_brute_force(variance, separate):
     coarse = np.full(len(pick), 1e-6, np.float32)  # lobes are not widened to the lattice here
     got = reference_integral(texels, points.position[pick], points.normal[pick], coarse, variance, separate)
     want = brute_force(
-        points.position[pick], points.normal[pick], *of_sources(texels),
+        points.position[pick], points.normal[pick], *places(texels),
         texels.source[:, AMPLITUDE], texels.source[:, LIGHT:].astype(float), variance, separate,
     )  # fmt: skip
     np.testing.assert_allclose(got, want, atol=1e-6)

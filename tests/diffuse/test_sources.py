@@ -1,0 +1,119 @@
+"""The tree of sources holds every texel once, and finds all that is near."""
+
+import numpy as np
+import pytest
+
+from skinbake.atlas import rasterize
+from skinbake.diffuse.lanes import LANES
+from skinbake.diffuse.sources import (
+    AMPLITUDE,
+    LIGHT,
+    NARROWING,
+    STACK,
+    near_boxes,
+    near_sources,
+    opposite_sources,
+    source_tree,
+    sources_around,
+    tree_node,
+)
+from skinbake.diffuse.surface import surface_light
+from tests.shapes import sphere
+
+
+@pytest.fixture(scope="module")
+def light():
+    """Two UDIM tiles of odd sizes, charts with gaps between them, two lights."""
+    mesh = sphere(30, "latlong", 40, 2)
+    atlas = rasterize(mesh, (150, 117), udim=True)
+    rng = np.random.default_rng(0)
+    return surface_light([rng.random((2, 117, 150, 3)).astype(np.float32) for _ in atlas], atlas, mesh)
+
+
+def places(tree):
+    """Positions and normals of the sources, both (S, 3)."""
+    there = np.arange(LANES) < np.diff(tree.leaf_start)[:, None]
+    geometry = tree.leaf.transpose(0, 2, 1)[there]
+    return geometry[:, :3], geometry[:, 3:]
+
+
+def test_every_texel_that_has_area_is_a_source_once(light):
+    """With its own place, area and light, whatever the order."""
+    tree = source_tree(light.tiles)
+    found = np.column_stack([*places(tree), tree.source])
+    want = []
+    for points, rgb, _ in light.tiles:
+        skin = points.area_mm2 > 0
+        colours = rgb[:, points.flat_index[skin]].transpose(1, 0, 2).reshape(-1, 6)
+        narrowing = np.ones((len(colours), 1), np.float32)
+        area = points.area_mm2[skin, None]
+        want.append(np.hstack([points.position[skin], points.normal[skin], narrowing, area, colours]))
+    want = np.concatenate(want)
+    np.testing.assert_array_equal(found[np.lexsort(found.T)], want[np.lexsort(want.T)])
+
+
+@pytest.mark.parametrize(("spread", "fewer"), [(0.2, 0.5), (1.0, 0.15)])
+def test_clusters_keep_area_centroid_and_light(light, spread, fewer):
+    """Fewer sources, the same moments."""
+    texels, tree = source_tree(light.tiles), source_tree(light.tiles, spread, 4.0)
+    assert len(tree.source) < fewer * len(texels.source)
+    moments = []
+    for each in (texels, tree):
+        area = (each.source[:, AMPLITUDE] / each.source[:, NARROWING]).astype(np.float64)
+        about = np.column_stack([np.ones(len(area)), places(each)[0], each.source[:, LIGHT:]])
+        moments.append(area @ about)
+    np.testing.assert_allclose(moments[0], moments[1], rtol=2e-5, atol=2e-5 * moments[0][0] * 30)
+    assert tree.source[:, NARROWING].min() >= 1
+    assert tree.source[:, NARROWING].max() <= 4 / (4 - spread) + 1e-6
+
+
+def test_boxes_enclose_what_is_below_them(light):
+    """Leaves their sources, groups their boxes, up to one group; no leaf has none or more than sixteen."""
+    tree = source_tree(light.tiles)
+    count = np.diff(tree.leaf_start)
+    assert count.min() >= 1
+    assert count.max() <= LANES
+    inside = np.where((np.arange(LANES) < count[:, None])[:, None], tree.leaf[:, :3], np.nan)
+    low, high = np.nanmin(inside, axis=2), np.nanmax(inside, axis=2)
+    for level, start in enumerate(tree.first_group):
+        stop = tree.first_group[level + 1] if level + 1 < len(tree.first_group) else len(tree.box)
+        boxes = tree.box[start:stop].transpose(0, 2, 1).reshape(-1, 6)
+        np.testing.assert_array_equal(boxes[: len(low), :3], low)
+        np.testing.assert_array_equal(boxes[: len(low), 3:], high)
+        low, high = tree.box[start:stop, :3].min(axis=2), tree.box[start:stop, 3:].max(axis=2)
+    assert stop - start == 1
+
+
+@pytest.mark.parametrize("size", [0.0, 3.0])
+def test_the_search_finds_exactly_what_is_near(light, size):
+    """Against all distances, from the root and from a level on the way."""
+    tree = source_tree(light.tiles)
+    position, normal = places(tree)
+    leaf = np.repeat(np.arange(len(tree.leaf)), np.diff(tree.leaf_start))
+    stack, found = np.empty(STACK, np.int64), np.empty(len(tree.leaf), np.int64)
+    flat, boxes = tree.leaf.reshape(-1), tree.box.reshape(-1)
+    for at, axis in zip(position[::997], normal[::997], strict=True):
+        low, high = at - np.float32(size / 2), at + np.float32(size / 2)
+        radius2 = np.float32(25)
+        gap = np.maximum(np.maximum(position - high, low - position), 0)
+        stack[0] = tree_node(0, len(tree.first_group) - 1)
+        leaves = found[: near_boxes(low, high, radius2, boxes, tree.first_group, stack, 1, 0, found)].copy()
+        stack[0] = tree_node(0, len(tree.first_group) - 1)
+        groups = near_boxes(low, high, radius2, boxes, tree.first_group, stack, 1, 1, found)
+        stack[:groups] = [tree_node(group, 0) for group in found[:groups]]
+        again = found[: near_boxes(low, high, radius2, boxes, tree.first_group, stack, groups, 0, found)]
+        np.testing.assert_array_equal(np.sort(leaves), np.sort(again))
+        tests = {
+            "box": (near_sources, (low, high, radius2), (gap**2).sum(axis=1) < radius2),
+            "ball": (sources_around, (*at, radius2), ((position - at) ** 2).sum(axis=1) < radius2),
+            "cone": (opposite_sources, (*axis, np.float32(0.2)), normal @ axis < 0.2),
+        }
+        for search, arguments, want in tests.values():
+            near = leaves if search is not opposite_sources else np.arange(len(tree.leaf))
+            bits = [search(flat, k, *arguments) for k in near]
+            got = np.zeros(len(position), bool)
+            for k, each in zip(near, bits, strict=True):
+                first, last = tree.leaf_start[k], tree.leaf_start[k + 1]
+                got[first:last] = each >> np.arange(last - first) & 1
+            assert np.count_nonzero(got != want) <= 1 + len(position) // 5000  # a distance that rounds across
+            assert set(leaf[want & got]) <= set(near)
