@@ -97,8 +97,9 @@ class SkinRenderer(Renderer):
         """Draw one frame into `target`, unresolved."""
         away = float((camera.position_mm - self._centre) @ camera.backward)
         far = max(away + self._radius, 1e-3) * 1.01
-        self._camera.zfar = far
+        # First the near one: pyrender refuses a far plane before the near one that is still there
         self._camera.znear = max((away - self._radius) * 0.99, far * 1e-3)
+        self._camera.zfar = far
         self._camera.yfov = float(np.radians(camera.yfov_deg))
         self.graph.set_pose(self._camera_node, camera.pose)
         if self._uses_fold():
