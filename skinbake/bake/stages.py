@@ -19,7 +19,7 @@ from skinbake.diffuse import DiffuseMap
 from skinbake.diffuse.memory import check_memory
 from skinbake.errors import InputError
 from skinbake.io.irradiance import read_irradiance, write_irradiance
-from skinbake.io.lobes import write_lobes
+from skinbake.io.lobes import as_stored_lobes, write_lobes
 from skinbake.io.manifest import NAME
 from skinbake.io.mesh import write_obj
 from skinbake.io.profile import write_fit
@@ -152,7 +152,7 @@ class Stages(LookFolder):
             return cache.get_many({name: blur_key(spec, self.inputs, light_id[name], kind) for name in names}, make)
 
         with self.timed("diffuse"):
-            result = pipeline.scatter(
+            diffused = pipeline.scatter(
                 spec,
                 scene,
                 atlas,
@@ -161,6 +161,7 @@ class Stages(LookFolder):
                 say=lambda text: self.say(f"    {text}", 2),
                 remember=remember if cache is not None and isinstance(light_id, Mapping) and by_light else None,
             )
+            result = as_stored_lobes(diffused, spec.output.precision)
 
         def write() -> None:
             for pattern in ("lobe_*.exr", "lobe_*.tx", "transmission*"):  # of a look with more lobes

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from skinbake import pipeline
 from skinbake.diffuse import DiffuseMap
 from skinbake.io.bake_folder import half_maps
 from skinbake.io.exr import Part, as_stored, rgb_channels, write_parts
+from skinbake.io.lobes import StoredLobe
 from skinbake.io.png import write_png
 from skinbake.irradiance import IrradianceMap
 from skinbake.preview.draw import Studio
@@ -61,15 +60,16 @@ def render(
 def scene_of(
     spec: SceneSpec, scene: pipeline.SceneData, irradiance: Sequence[IrradianceMap], result: DiffuseMap
 ) -> PreviewScene:
-    """What `read_bake_folder` would read, lights summed, without waiting for the files."""
+    """What `read_bake_folder` would read, lights summed, without waiting for the files; of `StoredLobe`s."""
     precision = spec.output.precision
     lobes = tuple(
         PreviewLobe(
-            {tile: as_stored(rgb.sum(axis=0, dtype=np.float32), precision)[None] for tile, rgb in lobe.rgb.items()},
+            {tile: total[None] for tile, total in lobe.total.items()},
             lobe.weight_rgb,
             None if lobe.method == "transmission" else lobe.variance_mm2,
         )
         for lobe in result.lobes
+        if isinstance(lobe, StoredLobe)
     )
     return PreviewScene(
         scene.mesh,
