@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
 
 from skinbake import pipeline
 from skinbake.diffuse import DiffuseMap
@@ -12,15 +16,19 @@ from skinbake.io.exr import Part, as_stored, rgb_channels, write_parts
 from skinbake.io.lobes import StoredLobe
 from skinbake.io.png import write_png
 from skinbake.irradiance import IrradianceMap
+from skinbake.preview.camera import view
 from skinbake.preview.draw import Studio
 from skinbake.preview.mode import Mode, parse_mode
+from skinbake.preview.platform import any_thread
 from skinbake.preview.scene import PreviewLobe, PreviewScene
 from skinbake.preview.shots import Shot, develop, plan_shots, side_by_side
 from skinbake.scene.spec import PreviewSpec, SceneSpec
 
+T = TypeVar("T")
+
 
 def render(
-    scene: PreviewScene,
+    studio: Studio,
     look: PreviewSpec,
     out: Path,
     png: Path | str | None = None,
@@ -37,32 +45,86 @@ def render(
 ) -> list[Path]:
     """Render pictures into the folder `out` and give the paths of the PNGs; the defaults render out/preview.png."""
     size = size or look.size
-    shown = parse_mode(mode, len(scene.lobes))
-    shots: list[Shot] = plan_shots(scene.mesh, views or [look.view], turntable, size[0] / size[1])
+    shown = parse_mode(mode, len(studio.scene.lobes))
+    shots: list[Shot] = plan_shots(studio.scene.mesh, views or [look.view], turntable, size[0] / size[1])
     written = []
-    with Studio(scene) as studio:
-        for shot in shots:
-            modes = [Mode("none"), shown] if compare else [shown]
-            frames = [studio.draw(shot.camera, size, m, gains, supersample) for m in modes]
-            image = side_by_side(frames)
-            name = "preview" if len(shots) == 1 else f"preview_{shot.name}"
-            path = Path(png) if png else out / f"{name}{'_compare' if compare else ''}.png"
-            write_png(path, develop(image, look.background_rgb, look.exposure if exposure is None else exposure))
-            if exr:
-                channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
-                write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
-            written.append(path)
-            if say:
-                say(path)
+    for shot in shots:
+        modes = [Mode("none"), shown] if compare else [shown]
+        frames = [studio.draw(shot.camera, size, m, gains, supersample) for m in modes]
+        image = side_by_side(frames)
+        name = "preview" if len(shots) == 1 else f"preview_{shot.name}"
+        path = Path(png) if png else out / f"{name}{'_compare' if compare else ''}.png"
+        write_png(path, develop(image, look.background_rgb, look.exposure if exposure is None else exposure))
+        if exr:
+            channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
+            write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
+        written.append(path)
+        if say:
+            say(path)
     return written
 
 
-def scene_of(
-    spec: SceneSpec, scene: pipeline.SceneData, irradiance: Sequence[IrradianceMap], result: DiffuseMap
-) -> PreviewScene:
-    """What `read_bake_folder` would read, lights summed, without waiting for the files; of `StoredLobe`s."""
-    precision = spec.output.precision
-    lobes = tuple(
+class Easel:
+    """Draws the picture of a bake; a context manager.
+
+    All on one thread, since an OpenGL context belongs to one. While lobes are computed and files are written, it makes
+    everything ready that needs no lobes.
+    """
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, "easel") if any_thread() else None
+        self._studio: Future[Studio] | None = None
+
+    def _do(self, work: Callable[..., T], *arguments: Any) -> Future[T]:
+        if self._thread:
+            return self._thread.submit(work, *arguments)
+        done: Future[T] = Future()
+        try:
+            done.set_result(work(*arguments))
+        except Exception as fault:
+            done.set_exception(fault)
+        return done
+
+    def prepare(
+        self, spec: SceneSpec, scene: pipeline.SceneData, irradiance: Sequence[IrradianceMap], lobes: int
+    ) -> None:
+        """Begin, without waiting; faults are told by `draw`. A number of lobes that is wrong costs a shader."""
+
+        def ready() -> Studio:
+            blank = PreviewLobe({tile.tile: np.zeros((1, 1, 1, 3), np.float16) for tile in irradiance}, (0, 0, 0), 1.0)
+            studio = Studio(scene_of(spec, scene, irradiance, (blank,) * lobes))
+            try:
+                studio.draw(view(scene.mesh, spec.preview.view, 1.0), (1, 1))  # sends maps, compiles the shader
+            except BaseException:
+                studio.close()
+                raise
+            return studio
+
+        self._studio = self._do(ready)
+
+    def draw(self, result: DiffuseMap, look: PreviewSpec, out: Path) -> None:
+        """out/preview.png, the same as from files, of the `StoredLobe`s of what was prepared."""
+        assert self._studio is not None
+        studio = self._studio.result()
+
+        def work() -> None:
+            studio.set_lobes(_stored_lobes(result))
+            render(studio, look, out)
+
+        self._do(work).result()
+
+    def __enter__(self) -> Easel:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._studio is not None and self._studio.exception() is None:
+            self._do(self._studio.result().close).result()
+        if self._thread:
+            self._thread.shutdown()
+
+
+def _stored_lobes(result: DiffuseMap) -> tuple[PreviewLobe, ...]:
+    return tuple(
         PreviewLobe(
             {tile: total[None] for tile, total in lobe.total.items()},
             lobe.weight_rgb,
@@ -71,6 +133,16 @@ def scene_of(
         for lobe in result.lobes
         if isinstance(lobe, StoredLobe)
     )
+
+
+def scene_of(
+    spec: SceneSpec,
+    scene: pipeline.SceneData,
+    irradiance: Sequence[IrradianceMap],
+    lobes: tuple[PreviewLobe, ...],
+) -> PreviewScene:
+    """What `read_bake_folder` would read, lights summed, without waiting for the files."""
+    precision = spec.output.precision
     return PreviewScene(
         scene.mesh,
         spec.lights,

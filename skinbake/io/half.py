@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
-from numba import float32, int32, njit, uint16
+from numba import float32, get_num_threads, int32, njit, uint16
 from numpy.typing import NDArray
 
 # Bits of floats without their sign
@@ -14,10 +16,13 @@ _REBIAS = (127 - 15) << 23  # what to take off an exponent
 _WHOLE = 2**23  # added to less, it leaves no fraction: the sum is rounded to nearest, ties to even
 
 
+_SHARE = 2**20  # values that are worth a thread
+
+
 def as_half(values: NDArray[np.float32]) -> NDArray[np.float16]:
     """`values.astype(np.float16)`, C-contiguous: rounded to nearest, ties to even; infinity from 65520 on.
 
-    Holds no lock while it computes, so that a thread that writes files can use it beside kernels that run.
+    On Python's threads, not numba's, so that whoever writes files can use it while kernels run.
 
     Parameters
     ----------
@@ -25,7 +30,13 @@ def as_half(values: NDArray[np.float32]) -> NDArray[np.float16]:
     """
     flat = np.ascontiguousarray(values).reshape(-1)
     half = np.empty(values.shape, np.float16)
-    _round(flat, flat.view(np.int32), half.reshape(-1).view(np.uint16))
+    whole = (flat, flat.view(np.int32), half.reshape(-1).view(np.uint16))
+    if flat.size < 2 * _SHARE:
+        _round(*whole)
+    else:
+        shares = [[part[i : i + _SHARE] for part in whole] for i in range(0, flat.size, _SHARE)]
+        with ThreadPoolExecutor(get_num_threads()) as pool:
+            list(pool.map(lambda share: _round(*share), shares))
     return half
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 
 import numpy as np
@@ -12,7 +12,7 @@ from skinbake.preview.camera import Camera
 from skinbake.preview.lamp import Gains, gains_rgb
 from skinbake.preview.mode import Mode
 from skinbake.preview.platform import headless_context, release_context
-from skinbake.preview.scene import PreviewScene
+from skinbake.preview.scene import PreviewLobe, PreviewScene
 
 Plane = NDArray[np.float32]
 
@@ -122,6 +122,12 @@ class Studio:
         renderer.draw(camera)
         rgba = target.read(box=supersample)
         return PreviewImage(rgba, _geometry([target.read(i) for i in range(1, want[2])]) if geometry else None)
+
+    def set_lobes(self, lobes: tuple[PreviewLobe, ...]) -> None:
+        """Draw these from now on: the rest of the scene may be made ready while lobes are still computed."""
+        self.scene = replace(self.scene, lobes=lobes)
+        self._platform.make_current()
+        self._renderer.set_lobes(lobes)
 
     @property
     def device(self) -> str:

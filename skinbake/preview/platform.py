@@ -21,6 +21,11 @@ def has_display() -> bool:
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY"))
 
 
+def any_thread() -> bool:
+    """Whether any one thread may do all the drawing; a window of macOS, hidden or not, belongs to the main thread."""
+    return sys.platform != "darwin"
+
+
 def choose_headless() -> str:
     """Set PYOPENGL_PLATFORM to `egl`, else to `osmesa`; a platform already chosen by the user stays.
 

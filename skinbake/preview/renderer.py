@@ -8,6 +8,7 @@ frame buffer (8 bit), and the shader.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from skinbake.preview.fold import FoldedLobes
 from skinbake.preview.geometry import vertex_buffers
 from skinbake.preview.lamp import ENVIRONMENT, lamps
 from skinbake.preview.mode import Mode
-from skinbake.preview.scene import PreviewScene
+from skinbake.preview.scene import PreviewLobe, PreviewScene
 from skinbake.preview.target import FloatTarget
 from skinbake.preview.textures import TileTextures, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
@@ -106,6 +107,15 @@ class SkinRenderer(Renderer):
         assert self.target is not None
         self.viewport_width, self.viewport_height = self.target.width, self.target.height
         self.render(self.graph, RenderFlags.OFFSCREEN)
+
+    def set_lobes(self, lobes: tuple[PreviewLobe, ...]) -> None:
+        """Draw these from now on; everything else on the graphics card stays."""
+        self.skin = replace(self.skin, lobes=lobes)
+        self._check_units()
+        for textures in self._textures.values():
+            textures.set_lobes(lobes)
+        self._folded.delete()
+        self._folded = FoldedLobes()
 
     def set_lights(self, lights: tuple[LightSpec, ...]) -> None:
         """Move the specular's lights; what was baked of them stays as it is."""
