@@ -58,6 +58,7 @@ def bake_look(
             if preview:
                 _prepare(easel, stages, gaussians, irradiance)
             result = stages.diffuse(gaussians, irradiance, stages.light_keys)
+            stages.let_go()
             try:
                 if preview and _in_memory(result):
                     _draw(stages, gaussians, lambda: easel.draw(result, spec.preview, stages.out))

@@ -113,9 +113,11 @@ class Stages(LookFolder):
         found = self._lights(stale, atlas)
         result = merged_lights(tuple(self.light_keys), found, kept, atlas)
 
+        mesh = self.scene.mesh
+
         def write() -> None:
             if self.spec.texture.unwrap == "xatlas":  # whoever shades with the textures needs the UVs they are on
-                write_obj(self.out / "mesh.obj", self.scene.mesh, self.spec.mesh.millimetres_per_unit)
+                write_obj(self.out / "mesh.obj", mesh, self.spec.mesh.millimetres_per_unit)
             for tile in result:
                 path = paths[tile.tile]
                 write_irradiance(path, tile, self.light_keys, self.header, precision, self.spec.output.compression)
