@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,11 @@ class Stages(LookFolder):
         MachineError
             More memory than there is.
         """
+        if self.force or not (self.out / NAME).exists():
+            # The scene will be needed: read it while the oil layer's table is computed, which the lights' keys need
+            with ThreadPoolExecutor(1) as ahead:
+                ahead.submit(pipeline.energy_conservation, self.spec)
+                _ = self.scene
         if self.stale_lights() is not None:
             lights = len(self.spec.lights) if self.spec.output.lights == "separate" else 1
             size = self.spec.texture.size

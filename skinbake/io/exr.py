@@ -115,9 +115,11 @@ def _as_half(values: NDArray[Any]) -> NDArray[np.float16]:
 def _keeps_digits(values: NDArray[Any], half: NDArray[np.float16]) -> NDArray[np.bool_]:
     """Whether each channel of (H, W, C) keeps its three digits in half, shadows included; False with a NaN in it."""
     # Integers compare fast, and in the order of the magnitudes; the sign is the top bit
-    rows = half.view(np.int16).reshape(len(half), -1)
-    most = np.maximum(rows.max(axis=0, initial=0), rows.view(np.uint16).max(axis=0, initial=0) & 0x7FFF)
-    top = most.reshape(half.shape[1:]).max(axis=0, initial=0).astype(np.uint16).view(np.float16)
+    rows = half.view(np.uint16).reshape(len(half), -1)
+    most = rows.max(axis=0, initial=0)
+    if (most & 0x8000).any():
+        most = np.maximum(most & 0x7FFF, rows.view(np.int16).max(axis=0, initial=0).astype(np.uint16))
+    top = most.reshape(half.shape[1:]).max(axis=0, initial=0).view(np.float16)
     keeps = (top >= HALF_FAINT) & (top < np.inf)
     for channel in np.flatnonzero(top == 0):
         keeps[channel] = not values[..., channel].any()  # or it was too faint for half
