@@ -14,7 +14,7 @@ from skinbake import pipeline
 from skinbake.bake.keys import preview_key
 from skinbake.bake.machine import peak_memory_mib
 from skinbake.bake.stages import Stages
-from skinbake.bake.still import Easel, render
+from skinbake.bake.still import Easel, render, scene_of, stand_in_of
 from skinbake.bake.workshop import Workshop
 from skinbake.diffuse import DiffuseMap, PlanLine
 from skinbake.errors import InputError, ToleranceMissedError
@@ -53,15 +53,14 @@ def bake_look(
     stages.refuse_spoilt()
     with stages.locked():
         gaussians = stages.profile()
-        irradiance = stages.irradiance()
         with Easel() as easel:
             if preview:
-                _prepare(easel, stages, gaussians, irradiance)
+                _prepare(easel, stages, gaussians)
+            irradiance = stages.irradiance()
             result = stages.diffuse(gaussians, irradiance, stages.light_keys)
-            stages.let_go()
             try:
                 if preview and _in_memory(result):
-                    _draw(stages, gaussians, lambda: easel.draw(result, spec.preview, stages.out))
+                    _draw(stages, gaussians, lambda: _draw_held(easel, stages, irradiance, result))
             finally:  # what was baked is whole, also without a picture
                 stages.finish_writing()
                 textures = stages.textures(irradiance, result) if spec.output.tx else []
@@ -99,12 +98,13 @@ def _in_memory(result: DiffuseMap) -> bool:
     return all(len(rgb) for lobe in result.lobes for rgb in lobe.rgb.values())
 
 
-def _prepare(easel: Easel, stages: Stages, gaussians: GaussianSum, irradiance: tuple[IrradianceMap, ...]) -> None:
-    """Have everything ready for a picture, if lobes will be computed and one is to be drawn of them."""
+def _prepare(easel: Easel, stages: Stages, gaussians: GaussianSum) -> None:
+    """Make ready for a picture, if lobes will be computed and one is to be drawn of them."""
     lobes = stages.diffuse_key(gaussians, stages.light_keys)
     if stages.kept_lobes(lobes) is None and not _is_current(stages, _key(stages, gaussians)):
         through = stages.spec.terms.transmission != "off"  # likely: a lobe more
-        easel.prepare(stages.spec, stages.scene, irradiance, len(gaussians.variance_mm2) + through)
+        count = len(gaussians.variance_mm2) + through
+        easel.prepare(stand_in_of(stages.spec, stages.scene, stages.tiles, count), stages.spec.preview)
 
 
 def _draw(stages: Stages, gaussians: GaussianSum, draw: Callable[[], None]) -> None:
@@ -125,6 +125,13 @@ def _key(stages: Stages, gaussians: GaussianSum) -> str:
 
 def _is_current(stages: Stages, key: str) -> bool:
     return not stages.force and preview_is_current(stages.out, key)
+
+
+def _draw_held(easel: Easel, stages: Stages, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap) -> None:
+    """From memory, while the files are written; the same picture."""
+    scene = scene_of(stages.spec, stages.scene, irradiance, result)
+    stages.let_go()
+    easel.draw(scene, stages.spec.preview, stages.out)
 
 
 def _render_folder(stages: Stages) -> None:

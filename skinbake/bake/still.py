@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,7 +21,7 @@ from skinbake.preview.camera import view
 from skinbake.preview.draw import Studio
 from skinbake.preview.mode import Mode, parse_mode
 from skinbake.preview.platform import any_thread
-from skinbake.preview.scene import PreviewLobe, PreviewScene
+from skinbake.preview.scene import PreviewLobe, PreviewScene, Texture
 from skinbake.preview.shots import Shot, develop, plan_shots, side_by_side
 from skinbake.scene.spec import PreviewSpec, SceneSpec
 
@@ -67,8 +68,8 @@ def render(
 class Easel:
     """Draws the picture of a bake; a context manager.
 
-    All on one thread, since an OpenGL context belongs to one. While lobes are computed and files are written, it makes
-    everything ready that needs no lobes.
+    All on one thread, since an OpenGL context belongs to one. While textures are computed, it makes everything ready
+    that needs none: libraries, context, mesh and shader.
     """
 
     def __init__(self) -> None:
@@ -85,16 +86,13 @@ class Easel:
             done.set_exception(fault)
         return done
 
-    def prepare(
-        self, spec: SceneSpec, scene: pipeline.SceneData, irradiance: Sequence[IrradianceMap], lobes: int
-    ) -> None:
-        """Begin, without waiting; faults are told by `draw`. A number of lobes that is wrong costs a shader."""
+    def prepare(self, stand_in: PreviewScene, look: PreviewSpec) -> None:
+        """Begin, without waiting; faults are told by `draw`. What `stand_in` has not as in the end costs a shader."""
 
         def ready() -> Studio:
-            blank = PreviewLobe({tile.tile: np.zeros((1, 1, 1, 3), np.float16) for tile in irradiance}, (0, 0, 0), 1.0)
-            studio = Studio(scene_of(spec, scene, irradiance, (blank,) * lobes))
+            studio = Studio(stand_in)
             try:
-                studio.draw(view(scene.mesh, spec.preview.view, 1.0), (1, 1))  # sends maps, compiles the shader
+                studio.draw(view(stand_in.mesh, look.view, 1.0), (1, 1))  # compiles
             except BaseException:
                 studio.close()
                 raise
@@ -102,13 +100,13 @@ class Easel:
 
         self._studio = self._do(ready)
 
-    def draw(self, result: DiffuseMap, look: PreviewSpec, out: Path) -> None:
-        """out/preview.png, the same as from files, of the `StoredLobe`s of what was prepared."""
+    def draw(self, scene: PreviewScene, look: PreviewSpec, out: Path) -> None:
+        """out/preview.png of a scene with the mesh that was prepared."""
         assert self._studio is not None
         studio = self._studio.result()
 
         def work() -> None:
-            studio.set_lobes(_stored_lobes(result))
+            studio.set_scene(scene)
             render(studio, look, out)
 
         self._do(work).result()
@@ -123,8 +121,12 @@ class Easel:
             self._thread.shutdown()
 
 
-def _stored_lobes(result: DiffuseMap) -> tuple[PreviewLobe, ...]:
-    return tuple(
+def scene_of(
+    spec: SceneSpec, scene: pipeline.SceneData, irradiance: Sequence[IrradianceMap], result: DiffuseMap
+) -> PreviewScene:
+    """What `read_bake_folder` would read, lights summed, without waiting for the files; of `StoredLobe`s."""
+    precision = spec.output.precision
+    lobes = tuple(
         PreviewLobe(
             {tile: total[None] for tile, total in lobe.total.items()},
             lobe.weight_rgb,
@@ -133,22 +135,43 @@ def _stored_lobes(result: DiffuseMap) -> tuple[PreviewLobe, ...]:
         for lobe in result.lobes
         if isinstance(lobe, StoredLobe)
     )
+    return _scene(
+        spec,
+        scene,
+        lobes,
+        {tile.tile: as_stored(tile.rgb, precision) for tile in irradiance},
+        {tile.tile: as_stored(tile.visibility[..., None], precision)[..., 0] for tile in irradiance},
+    )
 
 
-def scene_of(
+def stand_in_of(spec: SceneSpec, scene: pipeline.SceneData, tiles: Sequence[int], lobes: int) -> PreviewScene:
+    """A scene that the same shader draws as that of `scene_of`, with textures of one texel."""
+    lights, maps = len(spec.lights), scene.maps
+    names = ("albedo", "normal", "roughness", "specular")
+    small: dict[str, Any] = {n: {tile: image[:1, :1] for tile, image in getattr(maps, n).items()} for n in names}
+    lobe = PreviewLobe({tile: np.zeros((1, 1, 1, 3), np.float16) for tile in tiles}, (0, 0, 0), 1.0)
+    return _scene(
+        spec,
+        replace(scene, maps=replace(maps, **small)),
+        (lobe,) * lobes,
+        {tile: np.zeros((lights, 1, 1, 3), np.float16) for tile in tiles},
+        {tile: np.zeros((lights, 1, 1), np.float16) for tile in tiles},
+    )
+
+
+def _scene(
     spec: SceneSpec,
     scene: pipeline.SceneData,
-    irradiance: Sequence[IrradianceMap],
     lobes: tuple[PreviewLobe, ...],
+    irradiance: Mapping[int, Texture],
+    visibility: Mapping[int, Texture],
 ) -> PreviewScene:
-    """What `read_bake_folder` would read, lights summed, without waiting for the files."""
-    precision = spec.output.precision
     return PreviewScene(
         scene.mesh,
         spec.lights,
         lobes,
-        {tile.tile: as_stored(tile.rgb, precision) for tile in irradiance},
-        {tile.tile: as_stored(tile.visibility[..., None], precision)[..., 0] for tile in irradiance},
+        irradiance,
+        visibility,
         half_maps(scene.maps),
         spec.texturing,
         spec.specular,

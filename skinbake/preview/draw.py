@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import TracebackType
 
 import numpy as np
@@ -12,7 +12,7 @@ from skinbake.preview.camera import Camera
 from skinbake.preview.lamp import Gains, gains_rgb
 from skinbake.preview.mode import Mode
 from skinbake.preview.platform import headless_context, release_context
-from skinbake.preview.scene import PreviewLobe, PreviewScene
+from skinbake.preview.scene import PreviewScene
 
 Plane = NDArray[np.float32]
 
@@ -123,11 +123,11 @@ class Studio:
         rgba = target.read(box=supersample)
         return PreviewImage(rgba, _geometry([target.read(i) for i in range(1, want[2])]) if geometry else None)
 
-    def set_lobes(self, lobes: tuple[PreviewLobe, ...]) -> None:
-        """Draw these from now on: the rest of the scene may be made ready while lobes are still computed."""
-        self.scene = replace(self.scene, lobes=lobes)
+    def set_scene(self, scene: PreviewScene) -> None:
+        """Draw this one from now on: of the same mesh, which may have been made ready while textures were computed."""
         self._platform.make_current()
-        self._renderer.set_lobes(lobes)
+        self._renderer.set_scene(scene)
+        self.scene = scene
 
     @property
     def device(self) -> str:

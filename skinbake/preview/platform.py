@@ -22,8 +22,8 @@ def has_display() -> bool:
 
 
 def any_thread() -> bool:
-    """Whether any one thread may do all the drawing; a window of macOS, hidden or not, belongs to the main thread."""
-    return sys.platform != "darwin"
+    """Whether a thread of its own may do all the drawing: a hidden window, as elsewhere, wants the main one."""
+    return sys.platform.startswith("linux")
 
 
 def choose_headless() -> str:

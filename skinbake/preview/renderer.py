@@ -8,7 +8,6 @@ frame buffer (8 bit), and the shader.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from skinbake.preview.fold import FoldedLobes
 from skinbake.preview.geometry import vertex_buffers
 from skinbake.preview.lamp import ENVIRONMENT, lamps
 from skinbake.preview.mode import Mode
-from skinbake.preview.scene import PreviewLobe, PreviewScene
+from skinbake.preview.scene import PreviewScene
 from skinbake.preview.target import FloatTarget
 from skinbake.preview.textures import TileTextures, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
@@ -108,12 +107,17 @@ class SkinRenderer(Renderer):
         self.viewport_width, self.viewport_height = self.target.width, self.target.height
         self.render(self.graph, RenderFlags.OFFSCREEN)
 
-    def set_lobes(self, lobes: tuple[PreviewLobe, ...]) -> None:
-        """Draw these from now on; everything else on the graphics card stays."""
-        self.skin = replace(self.skin, lobes=lobes)
+    def set_scene(self, scene: PreviewScene) -> None:
+        """Draw this one from now on, with other textures on the same mesh."""
+        if scene.mesh is not self.skin.mesh or scene.tiles != self.skin.tiles:
+            raise ValueError("set_scene: expected the same mesh and tiles")
+        self.skin = scene
+        self.gains_rgb = np.ones((len(scene.lights), 3))
+        self.set_lights(scene.lights)
         self._check_units()
-        for textures in self._textures.values():
-            textures.set_lobes(lobes)
+        for tile, textures in self._textures.items():
+            textures.delete()
+            self._textures[tile] = TileTextures(scene, tile, self._oil_albedo)
         self._folded.delete()
         self._folded = FoldedLobes()
 

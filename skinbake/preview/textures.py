@@ -14,7 +14,7 @@ from OpenGL import GL
 
 from skinbake.errors import MachineError
 from skinbake.irradiance.oil_albedo import specular_albedo_table
-from skinbake.preview.scene import PreviewLobe, PreviewScene
+from skinbake.preview.scene import PreviewScene
 
 SMALLEST = 256  # texels a side: a driver that has no room for that is not merely small
 _FORMAT = {1: GL.GL_RED, 2: GL.GL_RG, 3: GL.GL_RGB}
@@ -110,13 +110,16 @@ class TileTextures:
 
     Attributes
     ----------
+    names : tuple of str
+        Samplers in the order of their units.
     lobe_sizes : dict of str to (width, height)
     """
 
     def __init__(self, scene: PreviewScene, tile: int, oil_albedo: int) -> None:
         maps = scene.maps
-        self._tile = tile
-        self._images: dict[str, NDArray[np.floating]] = {
+        lobes = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
+        self.lobe_sizes = {name: (image.shape[2], image.shape[1]) for name, image in lobes.items()}
+        self._images: dict[str, NDArray[np.floating]] = lobes | {
             "irradiance": scene.irradiance[tile],
             "visibility": scene.visibility[tile][..., None],
             # A missing map is one texel of its constant
@@ -127,24 +130,8 @@ class TileTextures:
         }
         self._own: dict[str, int] = {}
         self._shared = {"oil_albedo": oil_albedo}
-        self.lobe_sizes: dict[str, tuple[int, int]] = {}
-        self.set_lobes(scene.lobes)
+        self.names = (*self._images, *self._shared)
         self.has_normal_map = tile in maps.normal
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Samplers in the order of their units."""
-        return (*self._images, *self._shared)
-
-    def set_lobes(self, lobes: Sequence[PreviewLobe]) -> None:
-        """Read these from now on, in place of those before."""
-        for name in self.lobe_sizes:
-            del self._images[name]
-            if name in self._own:
-                GL.glDeleteTextures([self._own.pop(name)])
-        images = {f"lobe_{i}": lobe.rgb[self._tile] for i, lobe in enumerate(lobes)}
-        self.lobe_sizes = {name: (image.shape[2], image.shape[1]) for name, image in images.items()}
-        self._images |= images
 
     def texture(self, name: str) -> int:
         """The texture of a sampler; sending it binds it to the active unit."""

@@ -105,20 +105,23 @@ def test_the_same_picture_comes_again_bit_for_bit(studio):
     assert first.tobytes() == again.tobytes()
 
 
-def test_lobes_may_come_when_all_else_is_ready(studio):
-    """Others, in number and size, before: the same picture bit for bit, folded or not."""
+def test_textures_may_come_when_all_else_is_ready(studio):
+    """After others in number and size: the same picture bit for bit, folded or not; another mesh is refused."""
     whole = studio.scene
-    blank = PreviewLobe({1001: np.zeros((len(LIGHTS), 1, 1, 3), np.float16)}, (1.0, 1.0, 1.0), 0.0)
+    lobe = PreviewLobe({1001: np.zeros((len(LIGHTS), 1, 1, 3), np.float16)}, (1.0, 1.0, 1.0), 0.0)
+    stand_in = replace(whole, lobes=(lobe,) * 2, maps=SkinMaps())
     camera = view(whole.mesh, "three-quarter", 1.0)
-    with Studio(replace(whole, lobes=(blank,) * 2)) as later:
+    with Studio(stand_in) as later:
         for fold in (False, True):
             studio._renderer.fold = later._renderer.fold = fold
-            assert later.draw(camera, (32, 32)).rgba[..., :3].max() > 0  # specular
-            later.set_lobes(whole.lobes)
+            later.draw(camera, (32, 32))
+            later.set_scene(whole)
             got, want = later.draw(camera, (64, 64)), studio.draw(camera, (64, 64))
-            later.set_lobes((blank,) * 2)
+            later.set_scene(stand_in)
             studio._renderer.fold = False
             assert got.rgba.tobytes() == want.rgba.tobytes()
+        with pytest.raises(ValueError, match="same mesh"):
+            later.set_scene(scene())
 
 
 def test_supersampling_is_the_mean_of_the_finer_picture(studio):
