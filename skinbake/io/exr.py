@@ -85,8 +85,10 @@ def write_parts(
 
 def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], precision: str) -> dict[str, NDArray[Any]]:
     """Channels as the file will hold them, contiguous: together if they are of one kind."""
+    from skinbake.io.half import as_half
+
     if precision == "half":
-        half = _as_half(values)
+        half = as_half(values)
         keep = _keeps_digits(values, half) if values.ndim == 3 else _keeps_digits(values[..., None], half[..., None])
         if keep.all():
             return {names: half}
@@ -101,15 +103,6 @@ def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], preci
             f"got {values[row, column, *channel]} at column {column}, row {row}"
         )
     return {names: np.ascontiguousarray(values, dtype=np.float32)}
-
-
-def _as_half(values: NDArray[Any]) -> NDArray[np.float16]:
-    if values.dtype == np.float32:
-        from skinbake.io.half import as_half
-
-        return as_half(values)
-    with np.errstate(over="ignore"):
-        return np.asarray(values, dtype=np.float16, order="C")
 
 
 def _keeps_digits(values: NDArray[Any], half: NDArray[np.float16]) -> NDArray[np.bool_]:
@@ -134,9 +127,11 @@ def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
     ndarray of the same shape
         float16 where every channel is stored as such, else float32; halves as they are.
     """
+    from skinbake.io.half import as_half
+
     if precision != "half" or values.dtype == np.float16:
         return values
-    half = _as_half(values)
+    half = as_half(values)
     keep = np.array([_keeps_digits(values[i], half[i]) for i in np.ndindex(values.shape[:-3])])
     if keep.all():
         return half

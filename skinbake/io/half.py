@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from numba import float32, get_num_threads, int32, njit, uint16
@@ -19,15 +20,19 @@ _WHOLE = 2**23  # added to less, it leaves no fraction: the sum is rounded to ne
 _SHARE = 2**20  # values that are worth a thread
 
 
-def as_half(values: NDArray[np.float32]) -> NDArray[np.float16]:
+def as_half(values: NDArray[Any]) -> NDArray[np.float16]:
     """`values.astype(np.float16)`, C-contiguous: rounded to nearest, ties to even; infinity from 65520 on.
 
     On Python's threads, not numba's, so that whoever writes files can use it while kernels run.
 
     Parameters
     ----------
-    values : ndarray of any shape, float32
+    values : ndarray of any shape
+        Fast for float32; others are left to NumPy, and halves are as they are.
     """
+    if values.dtype != np.float32:
+        with np.errstate(over="ignore"):
+            return np.asarray(values, dtype=np.float16, order="C")
     flat = np.ascontiguousarray(values).reshape(-1)
     half = np.empty(values.shape, np.float16)
     whole = (flat, flat.view(np.int32), half.reshape(-1).view(np.uint16))
