@@ -71,8 +71,12 @@ $(foreach batch,$(BATCHES),$(eval $(call BATCH_RULE,$(batch))))
 tradeoff: $(READY)  ## measure time and memory against error for CONFIG
 	$(SKINBAKE) tradeoff $(CONFIG)
 
-test: $(READY)  ## run every test
+test: $(READY) .venv/.xvfb  ## run every test
 	$(BIN)/python -m pytest
+
+.venv/.xvfb: | $(READY)
+	@$(BIN)/python -m skinbake.preview.setup_gl xvfb
+	@touch $@
 
 faults: $(READY)  ## kill a bake fifty times, and before every step on the disk
 	SKINBAKE_KILLS=50 $(BIN)/python -m pytest tests/cli/test_faults.py

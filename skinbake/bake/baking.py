@@ -14,6 +14,7 @@ from skinbake import pipeline
 from skinbake.bake.keys import preview_key
 from skinbake.bake.machine import peak_memory_mib
 from skinbake.bake.stages import Stages
+from skinbake.bake.still import Easel, render, scene_of, stand_in_of
 from skinbake.bake.workshop import Workshop
 from skinbake.diffuse import DiffuseMap, PlanLine
 from skinbake.errors import InputError, ToleranceMissedError
@@ -23,6 +24,7 @@ from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name
 from skinbake.io.manifest import portable_config, read_manifest, write_manifest
 from skinbake.irradiance import IrradianceMap
+from skinbake.preview.draw import Studio
 from skinbake.profile import GaussianSum
 from skinbake.scene.spec import SceneSpec
 
@@ -51,20 +53,23 @@ def bake_look(
     stages.refuse_spoilt()
     with stages.locked():
         gaussians = stages.profile()
-        irradiance = stages.irradiance()
-        result = stages.diffuse(gaussians, irradiance, stages.light_keys)
-        try:
-            if preview and _in_memory(result):
-                _draw(stages, gaussians, lambda: _render_held(stages, irradiance, result))
-        finally:  # what was baked is whole, also without a picture
-            stages.finish_writing()
-            textures = stages.textures(irradiance, result) if spec.output.tx else []
-            plan = pipeline.plan_of(spec, irradiance, result)
-            manifest = manifest_of(stages, gaussians, result, plan, tuple(light.name for light in spec.lights))
-            manifest["tx"] = [path.name for path in textures]
-            manifest["timings"]["total"] = time.perf_counter() - start
-            put_manifest(stages, manifest)
-            report(stages, result, plan)
+        with Easel() as easel:
+            if preview:
+                _prepare(easel, stages, gaussians)
+            irradiance = stages.irradiance()
+            result = stages.diffuse(gaussians, irradiance, stages.light_keys)
+            try:
+                if preview and _in_memory(result):
+                    _draw(stages, gaussians, lambda: _draw_held(easel, stages, irradiance, result))
+            finally:  # what was baked is whole, also without a picture
+                stages.finish_writing()
+                textures = stages.textures(irradiance, result) if spec.output.tx else []
+                plan = pipeline.plan_of(spec, irradiance, result)
+                manifest = manifest_of(stages, gaussians, result, plan, tuple(light.name for light in spec.lights))
+                manifest["tx"] = [path.name for path in textures]
+                manifest["timings"]["total"] = time.perf_counter() - start
+                put_manifest(stages, manifest)
+                report(stages, result, plan)
         if preview and not _in_memory(result):
             _draw(stages, gaussians, lambda: _render_folder(stages))
     stages.say(f"done in {time.perf_counter() - start:.2f} s: {stages.out}")
@@ -93,11 +98,20 @@ def _in_memory(result: DiffuseMap) -> bool:
     return all(len(rgb) for lobe in result.lobes for rgb in lobe.rgb.values())
 
 
+def _prepare(easel: Easel, stages: Stages, gaussians: GaussianSum) -> None:
+    """Make ready for a picture, if lobes will be computed and one is to be drawn of them."""
+    lobes = stages.diffuse_key(gaussians, stages.light_keys)
+    if stages.kept_lobes(lobes) is None and not _is_current(stages, _key(stages, gaussians)):
+        through = stages.spec.terms.transmission != "off"  # likely: a lobe more
+        count = len(gaussians.variance_mm2) + through
+        easel.prepare(stand_in_of(stages.spec, stages.scene, stages.tiles, count), stages.spec.preview)
+
+
 def _draw(stages: Stages, gaussians: GaussianSum, draw: Callable[[], None]) -> None:
     """preview.png, unless it shows what is in the folder."""
-    key = preview_key(stages.spec, stages.inputs, stages.diffuse_key(gaussians, stages.light_keys))
+    key = _key(stages, gaussians)
     picture, note = stages.out / PREVIEW, stages.out / PREVIEW_KEY
-    current = not stages.force and preview_is_current(stages.out, key)
+    current = _is_current(stages, key)
     with stages.timed("preview", reused=current):
         if not current:
             note.unlink(missing_ok=True)
@@ -105,18 +119,26 @@ def _draw(stages: Stages, gaussians: GaussianSum, draw: Callable[[], None]) -> N
             write_text(note, f"{key} {sha256_of(picture)}\n")
 
 
-def _render_held(stages: Stages, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap) -> None:
-    """From memory, while the files are written; the same picture."""
-    from skinbake.bake.still import render, scene_of
+def _key(stages: Stages, gaussians: GaussianSum) -> str:
+    return preview_key(stages.spec, stages.inputs, stages.diffuse_key(gaussians, stages.light_keys))
 
-    render(scene_of(stages.spec, stages.scene, irradiance, result), stages.spec.preview, stages.out)
+
+def _is_current(stages: Stages, key: str) -> bool:
+    return not stages.force and preview_is_current(stages.out, key)
+
+
+def _draw_held(easel: Easel, stages: Stages, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap) -> None:
+    """From memory, while the files are written; the same picture."""
+    scene = scene_of(stages.spec, stages.scene, irradiance, result)
+    stages.let_go()
+    easel.draw(scene, stages.spec.preview, stages.out)
 
 
 def _render_folder(stages: Stages) -> None:
-    from skinbake.bake.still import render
     from skinbake.io.bake_folder import read_bake_folder
 
-    render(read_bake_folder(stages.out, summed=True).scene, stages.spec.preview, stages.out)
+    with Studio(read_bake_folder(stages.out, summed=True).scene) as studio:
+        render(studio, stages.spec.preview, stages.out)
 
 
 def preview_is_current(folder: Path, key: str) -> bool:

@@ -116,6 +116,11 @@ class LookFolder:
 
         return self.workshop.last("scene", key, read)
 
+    def let_go(self) -> None:
+        """Of mesh, maps and raster: a quarter of a gigabyte that only a stage yet to run has use for."""
+        for name in ("scene", "atlas"):
+            self.__dict__.pop(name, None)
+
     @cached_property
     def tiles(self) -> tuple[int, ...]:
         """UDIM numbers of the look."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from skinbake.diffuse import DiffuseMap
 from skinbake.diffuse.memory import check_memory
 from skinbake.errors import InputError
 from skinbake.io.irradiance import read_irradiance, write_irradiance
-from skinbake.io.lobes import write_lobes
+from skinbake.io.lobes import as_stored_lobes, write_lobes
 from skinbake.io.manifest import NAME
 from skinbake.io.mesh import write_obj
 from skinbake.io.profile import write_fit
@@ -69,6 +70,11 @@ class Stages(LookFolder):
         MachineError
             More memory than there is.
         """
+        if self.force or not (self.out / NAME).exists():
+            # The scene will be needed: read it while the oil layer's table is computed, which the lights' keys need
+            with ThreadPoolExecutor(1) as ahead:
+                ahead.submit(pipeline.energy_conservation, self.spec)
+                _ = self.scene
         if self.stale_lights() is not None:
             lights = len(self.spec.lights) if self.spec.output.lights == "separate" else 1
             size = self.spec.texture.size
@@ -113,9 +119,11 @@ class Stages(LookFolder):
         found = self._lights(stale, atlas)
         result = merged_lights(tuple(self.light_keys), found, kept, atlas)
 
+        mesh = self.scene.mesh
+
         def write() -> None:
             if self.spec.texture.unwrap == "xatlas":  # whoever shades with the textures needs the UVs they are on
-                write_obj(self.out / "mesh.obj", self.scene.mesh, self.spec.mesh.millimetres_per_unit)
+                write_obj(self.out / "mesh.obj", mesh, self.spec.mesh.millimetres_per_unit)
             for tile in result:
                 path = paths[tile.tile]
                 write_irradiance(path, tile, self.light_keys, self.header, precision, self.spec.output.compression)
@@ -152,7 +160,7 @@ class Stages(LookFolder):
             return cache.get_many({name: blur_key(spec, self.inputs, light_id[name], kind) for name in names}, make)
 
         with self.timed("diffuse"):
-            result = pipeline.scatter(
+            diffused = pipeline.scatter(
                 spec,
                 scene,
                 atlas,
@@ -161,6 +169,7 @@ class Stages(LookFolder):
                 say=lambda text: self.say(f"    {text}", 2),
                 remember=remember if cache is not None and isinstance(light_id, Mapping) and by_light else None,
             )
+            result = as_stored_lobes(diffused, spec.output.precision)
 
         def write() -> None:
             for pattern in ("lobe_*.exr", "lobe_*.tx", "transmission*"):  # of a look with more lobes

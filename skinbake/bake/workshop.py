@@ -24,18 +24,21 @@ class Workshop:
     cache : Cache or None
     hear : callable
         Told when a stage begins and when it has ended.
+    keep : bool
+        Whether another look may follow that has use for this one's mesh and raster.
     traced : list of str
         Lights whose irradiance was computed, neither read from a folder nor from the cache.
     """
 
     cache: Cache | None = None
     hear: Hear = field(default=lambda event: None)
+    keep: bool = True
     traced: list[str] = field(default_factory=list, init=False)
 
     @staticmethod
-    def of(folder: str | None, limit_bytes: int, hear: Hear) -> Workshop:
+    def of(folder: str | None, limit_bytes: int, hear: Hear = lambda event: None, keep: bool = True) -> Workshop:
         """With a cache in `folder`, if any."""
-        return Workshop(Cache(Path(folder), limit_bytes) if folder else None, hear)
+        return Workshop(Cache(Path(folder), limit_bytes) if folder else None, hear, keep)
 
     @property
     def figures(self) -> dict[str, int]:
@@ -46,6 +49,9 @@ class Workshop:
         """The process's last result of this kind where its key fits, else a new one in its place."""
         if _LAST.get(kind, ("",))[0] != key:
             _LAST.pop(kind, None)  # let go of the old one before the new one takes memory
-            _LAST[kind] = (key, make())
+            made = make()
+            if not self.keep:
+                return made
+            _LAST[kind] = (key, made)
         result: T = _LAST[kind][1]
         return result

@@ -141,7 +141,7 @@ def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
     lines, ok = [], True
     for job in plan.selected:
         order = plan.order(job)
-        workshop = Workshop.of(order.cache, order.cache_bytes, lambda event: None)
+        workshop = Workshop.of(order.cache, order.cache_bytes)
         try:
             stale = stale_stages(LookFolder(job.spec, plan.force, verbosity=0, workshop=workshop), plan.preview)
             text = "; ".join(f"{stage}: {why}" for stage, why in stale.items()) or "as it was"

@@ -37,7 +37,7 @@ def command(
 
     look = load_look(config, overrides, out)
     folder = cache or os.environ.get(FOLDER)
-    workshop = Workshop.of(folder, DEFAULT_LIMIT_BYTES, lambda event: None)
+    workshop = Workshop.of(folder, DEFAULT_LIMIT_BYTES, keep=False)
     manifest = bake_look(look, force, preview, verbosity, workshop)
     if as_json:
         print(json.dumps(manifest, indent=1, default=str))

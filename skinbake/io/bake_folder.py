@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import FIRST_TILE
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, read_parts
+from skinbake.io.half import as_half
 from skinbake.io.image import read_maps
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.manifest import NAME, read_manifest, spec_of
@@ -128,7 +129,7 @@ def _channel(path: Path, parts: dict[str, Part], part: str, channel: str) -> NDA
 def half_maps(maps: SkinMaps) -> SkinMaps:
     """Maps as half floats, which hold 8-bit maps well and halve what the graphics card reads."""
     halves: dict[str, Any] = {
-        name: {tile: np.asarray(image, np.float16) for tile, image in getattr(maps, name).items()}
+        name: {tile: as_half(image) for tile, image in getattr(maps, name).items()}
         for name in ("albedo", "normal", "roughness", "specular")
     }
     return replace(maps, **halves)

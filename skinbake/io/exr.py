@@ -23,7 +23,10 @@ REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 @dataclass(frozen=True)
 class Part:
-    """One image of a file: channels of equal shape (H, W), row 0 at v = 1, and its header attributes."""
+    """One image of a file: channels of equal shape (H, W), row 0 at v = 1, and its header attributes.
+
+    To be written, channels of one letter may also come together as (H, W, C), under all their letters.
+    """
 
     name: str
     channels: Mapping[str, NDArray[Any]]
@@ -36,8 +39,8 @@ class Part:
 
 
 def rgb_channels(image: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Views of (H, W, 3) as R, G, B."""
-    return {c: image[..., i] for i, c in enumerate("RGB")}
+    """(H, W, 3) as R, G, B, pixel by pixel as it lies: `write_parts` takes them apart only where it must."""
+    return {"RGB": image}
 
 
 def write_parts(
@@ -72,41 +75,48 @@ def write_parts(
     for part in parts:
         header = {"chromaticities": REC709, "oiio:ColorSpace": "lin_rec709", **(attributes or {}), **part.attributes}
         header |= {"type": OpenEXR.scanlineimage, "compression": codec}
-        channels = {name: _stored(path, part.name, name, values, precision) for name, values in part.channels.items()}
-        made.append(OpenEXR.Part(header, channels, part.name))
+        stored = [_stored(path, part.name, names, values, precision) for names, values in part.channels.items()]
+        made.append(OpenEXR.Part(header, {name: values for some in stored for name, values in some.items()}, part.name))
     threads = numba.get_num_threads()
     OpenEXR.set_global_thread_count(threads if threads > 1 else 0)  # one would only be waited for
     with atomic_write(path) as temporary:
         OpenEXR.File(made).write(str(temporary))
 
 
-def _stored(path: Path | str, part: str, name: str, values: NDArray[Any], precision: str) -> NDArray[Any]:
-    """A channel as the file will hold it, contiguous."""
-    half = _as_half(values)
-    if precision == "half" and _keeps_digits(values, half):
-        return half
+def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], precision: str) -> dict[str, NDArray[Any]]:
+    """Channels as the file will hold them, contiguous: together if they are of one kind."""
+    from skinbake.io.half import as_half
+
+    if precision == "half":
+        half = as_half(values)
+        keep = _keeps_digits(values, half) if values.ndim == 3 else _keeps_digits(values[..., None], half[..., None])
+        if keep.all():
+            return {names: half}
+        if values.ndim == 3:  # each by itself
+            apart = [(name, np.ascontiguousarray(values[..., c])) for c, name in enumerate(names)]
+            return {n: v for name, plane in apart for n, v in _stored(path, part, name, plane, precision).items()}
     finite = np.isfinite(values)
     if not finite.all():
-        row, column = np.argwhere(~finite)[0]
+        row, column, *channel = np.argwhere(~finite)[0]
         raise InputError(
-            f"{path}: part {part}, channel {name}: expected finite values, "
-            f"got {values[row, column]} at column {column}, row {row}"
+            f"{path}: part {part}, channel {names[channel[0]] if channel else names}: expected finite values, "
+            f"got {values[row, column, *channel]} at column {column}, row {row}"
         )
-    return np.ascontiguousarray(values, dtype=np.float32)
+    return {names: np.ascontiguousarray(values, dtype=np.float32)}
 
 
-def _as_half(values: NDArray[Any]) -> NDArray[np.float16]:
-    with np.errstate(over="ignore"):
-        return np.asarray(values, dtype=np.float16, order="C")
-
-
-def _keeps_digits(values: NDArray[Any], half: NDArray[np.float16]) -> bool:
-    """Whether a channel keeps its three digits in half, shadows included; False where a value is not finite."""
-    bits = half.view(np.int16)  # integers compare fast, and in the order of the magnitudes; the sign is the top bit
-    top = max(int(bits.max(initial=0)), int(bits.view(np.uint16).max(initial=0)) & 0x7FFF)
-    if top == 0:
-        return not values.any()  # or it was too faint for half
-    return HALF_FAINT <= float(np.uint16(top).view(np.float16)) < np.inf
+def _keeps_digits(values: NDArray[Any], half: NDArray[np.float16]) -> NDArray[np.bool_]:
+    """Whether each channel of (H, W, C) keeps its three digits in half, shadows included; False with a NaN in it."""
+    # Integers compare fast, and in the order of the magnitudes; the sign is the top bit
+    rows = half.view(np.uint16).reshape(len(half), -1)
+    most = rows.max(axis=0, initial=0)
+    if (most & 0x8000).any():
+        most = np.maximum(most & 0x7FFF, rows.view(np.int16).max(axis=0, initial=0).astype(np.uint16))
+    top = most.reshape(half.shape[1:]).max(axis=0, initial=0).view(np.float16)
+    keeps = (top >= HALF_FAINT) & (top < np.inf)
+    for channel in np.flatnonzero(top == 0):
+        keeps[channel] = not values[..., channel].any()  # or it was too faint for half
+    return keeps
 
 
 def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
@@ -115,18 +125,19 @@ def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
     Returns
     -------
     ndarray of the same shape
-        float16 where every channel is stored as such, else float32.
+        float16 where every channel is stored as such, else float32; halves as they are.
     """
-    if precision != "half":
+    from skinbake.io.half import as_half
+
+    if precision != "half" or values.dtype == np.float16:
         return values
-    half = _as_half(values)
-    channels = [(*index, ..., c) for index in np.ndindex(values.shape[:-3]) for c in range(values.shape[-1])]
-    wide = [channel for channel in channels if not _keeps_digits(values[channel], half[channel])]
-    if not wide:
+    half = as_half(values)
+    keep = np.array([_keeps_digits(values[i], half[i]) for i in np.ndindex(values.shape[:-3])])
+    if keep.all():
         return half
     out = half.astype(np.float32)
-    for channel in wide:
-        out[channel] = values[channel]
+    for *index, channel in np.argwhere(~keep.reshape(*values.shape[:-3], -1)):
+        out[*index, ..., channel] = values[*index, ..., channel]
     return out
 
 

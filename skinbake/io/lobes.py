@@ -4,21 +4,48 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, MeasuredError, PlanLine
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, read_attributes, rgb_channels, write_parts
+from skinbake.io.exr import Part, as_stored, read_attributes, rgb_channels, write_parts
 from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
 
 
 def lobe_name(index: int, lobe: Lobe | None = None) -> str:
     """File name without tile; light through thin parts has its own."""
     return "transmission.exr" if lobe is not None and lobe.method == "transmission" else f"lobe_{index}.exr"
+
+
+@dataclass(frozen=True)
+class StoredLobe(Lobe):
+    """A lobe whose pixels are rounded as its file holds them.
+
+    Attributes
+    ----------
+    total : dict of int to ndarray of shape (h, w, 3), float16 or float32
+        By tile: the sum over the lights, taken before rounding.
+    """
+
+    total: dict[int, NDArray[np.floating]] = field(default_factory=dict)
+
+
+def as_stored_lobes(result: DiffuseMap, precision: str) -> DiffuseMap:
+    """`result` with `StoredLobe`s. Takes the pixels out of `result`, lobe by lobe, lest all be in memory twice."""
+    lobes = []
+    for lobe in result.lobes:
+        rgb, total = {}, {}
+        for tile in list(lobe.rgb):
+            exact = lobe.rgb.pop(tile)
+            total[tile] = as_stored(exact.sum(axis=0, dtype=np.float32), precision)
+            rgb[tile] = as_stored(exact, precision)
+        lobes.append(StoredLobe(**vars(lobe) | {"rgb": rgb, "total": total}))
+    return replace(result, lobes=tuple(lobes))
 
 
 def write_lobes(
@@ -31,7 +58,9 @@ def write_lobes(
     separate: bool = True,
     udim: bool = False,
 ) -> None:
-    """Write every lobe and tile; the first file's header holds the plan, so that a bake can be taken up from it."""
+    """Write every lobe and tile of `as_stored_lobes`; the first file's header holds the plan, so that a bake can be
+    taken up from it.
+    """
     names = [lobe_name(index, lobe) for index, lobe in enumerate(result.lobes)]
     summary = {
         "lights": result.lights,
@@ -57,8 +86,9 @@ def write_lobes(
         }
         if index == 0:
             header["skinbake:diffusion"] = json.dumps(summary)
+        assert isinstance(lobe, StoredLobe)
         for tile, rgb in lobe.rgb.items():
-            parts = [Part(TOTAL, rgb_channels(rgb.sum(axis=0, dtype=np.float32)))]
+            parts = [Part(TOTAL, rgb_channels(lobe.total[tile]))]
             if separate:
                 parts += [Part(LIGHT + n, rgb_channels(rgb[i])) for i, n in enumerate(result.lights)]
             write_parts(tile_path(folder / names[index], tile, udim), parts, header, precision, compression)

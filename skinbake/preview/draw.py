@@ -120,8 +120,14 @@ class Studio:
                 target.delete()
             renderer.target = target = FloatTarget(*want)
         renderer.draw(camera)
-        rgba = _box(target.read(), supersample)
+        rgba = target.read(box=supersample)
         return PreviewImage(rgba, _geometry([target.read(i) for i in range(1, want[2])]) if geometry else None)
+
+    def set_scene(self, scene: PreviewScene) -> None:
+        """Draw this one from now on: of the same mesh, which may have been made ready while textures were computed."""
+        self._platform.make_current()
+        self._renderer.set_scene(scene)
+        self.scene = scene
 
     @property
     def device(self) -> str:
@@ -155,19 +161,6 @@ def draw(
     """One picture of `scene`; see `Studio.draw`. For several, keep a Studio: the textures are then sent once."""
     with Studio(scene) as studio:
         return studio.draw(camera, size, mode, light_gains, supersample, geometry)
-
-
-def _box(rgba: Plane, n: int) -> Plane:
-    """Mean of n x n points, a row of points at a time so that the sum's order is fixed."""
-    if n == 1:
-        return rgba
-    height, width = rgba.shape[0] // n, rgba.shape[1] // n
-    split = rgba.reshape(height, n, width, n, 4)
-    total = np.zeros((height, width, 4))
-    for i in range(n):
-        for j in range(n):
-            total += split[:, i, :, j]
-    return (total / n**2).astype(np.float32)
 
 
 def _geometry(planes: list[Plane]) -> GeometryBuffer:

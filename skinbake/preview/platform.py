@@ -21,6 +21,11 @@ def has_display() -> bool:
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY"))
 
 
+def any_thread() -> bool:
+    """Whether a thread of its own may do all the drawing: a hidden window, as elsewhere, wants the main one."""
+    return sys.platform.startswith("linux")
+
+
 def choose_headless() -> str:
     """Set PYOPENGL_PLATFORM to `egl`, else to `osmesa`; a platform already chosen by the user stays.
 
@@ -33,10 +38,11 @@ def choose_headless() -> str:
         return "pyglet"  # a hidden window: neither library exists there
     chosen = os.environ.get("PYOPENGL_PLATFORM")
     if chosen is None:
-        found = [name for name, library in (("egl", "EGL"), ("osmesa", "OSMesa")) if ctypes.util.find_library(library)]
-        if not found:
+        found = (name for name, library in (("egl", "EGL"), ("osmesa", "OSMesa")) if ctypes.util.find_library(library))
+        chosen = next(found, None)
+        if chosen is None:
             raise MachineError(f"OpenGL without a display needs EGL or OSMesa, and neither is installed: {_ADVICE}")
-        chosen = os.environ["PYOPENGL_PLATFORM"] = found[0]
+        os.environ["PYOPENGL_PLATFORM"] = chosen
     return chosen
 
 

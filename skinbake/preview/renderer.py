@@ -108,6 +108,20 @@ class SkinRenderer(Renderer):
         self.viewport_width, self.viewport_height = self.target.width, self.target.height
         self.render(self.graph, RenderFlags.OFFSCREEN)
 
+    def set_scene(self, scene: PreviewScene) -> None:
+        """Draw this one from now on, with other textures on the same mesh."""
+        if scene.mesh is not self.skin.mesh or scene.tiles != self.skin.tiles:
+            raise ValueError("set_scene: expected the same mesh and tiles")
+        self.skin = scene
+        self.gains_rgb = np.ones((len(scene.lights), 3))
+        self.set_lights(scene.lights)
+        self._check_units()
+        for tile, textures in self._textures.items():
+            textures.delete()
+            self._textures[tile] = TileTextures(scene, tile, self._oil_albedo)
+        self._folded.delete()
+        self._folded = FoldedLobes()
+
     def set_lights(self, lights: tuple[LightSpec, ...]) -> None:
         """Move the specular's lights; what was baked of them stays as it is."""
         self._lamps = lamps(lights)

@@ -1,6 +1,7 @@
 """See that headless OpenGL works and install Mesa's EGL where that is permitted: `python -m skinbake.preview.setup_gl`.
 
-Runs at set-up, before anything is baked, so that a missing system library shows up in the first minute.
+Runs at set-up, before anything is baked, so that a missing system library shows up in the first minute. `make test`
+runs it with `xvfb`: the window's tests need a display, if only one in memory, and are skipped without.
 """
 
 from __future__ import annotations
@@ -10,13 +11,28 @@ import shutil
 import subprocess
 import sys
 
-# Package manager -> (what installs without asking, what Mesa's EGL and its software rasteriser are called there)
+# Package manager -> what installs without asking
 MANAGERS = {
-    "apt-get": (["install", "-y", "--no-install-recommends"], ["libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri"]),
-    "dnf": (["install", "-y"], ["mesa-libEGL", "mesa-libGL", "mesa-dri-drivers", "libglvnd-egl", "libglvnd-glx"]),
-    "zypper": (["install", "-y"], ["Mesa-libEGL1", "Mesa-libGL1", "Mesa-dri"]),
-    "pacman": (["-S", "--noconfirm"], ["mesa", "libglvnd"]),
-    "apk": (["add"], ["mesa-egl", "mesa-gl", "mesa-dri-gallium"]),
+    "apt-get": ["install", "-y", "--no-install-recommends"],
+    "dnf": ["install", "-y"],
+    "zypper": ["install", "-y"],
+    "pacman": ["-S", "--noconfirm"],
+    "apk": ["add"],
+}
+# What Mesa's EGL with its software rasteriser, and a display in memory, are called there
+MESA = {
+    "apt-get": ["libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri"],
+    "dnf": ["mesa-libEGL", "mesa-libGL", "mesa-dri-drivers", "libglvnd-egl", "libglvnd-glx"],
+    "zypper": ["Mesa-libEGL1", "Mesa-libGL1", "Mesa-dri"],
+    "pacman": ["mesa", "libglvnd"],
+    "apk": ["mesa-egl", "mesa-gl", "mesa-dri-gallium"],
+}
+XVFB = {
+    "apt-get": ["xvfb"],
+    "dnf": ["xorg-x11-server-Xvfb"],
+    "zypper": ["xorg-x11-server-Xvfb"],
+    "pacman": ["xorg-server-xvfb"],
+    "apk": ["xvfb"],
 }
 
 # A context of the kind the preview makes, in a process of its own: a broken driver may take the process with it
@@ -37,37 +53,61 @@ def renderer_name() -> str | None:
     return done.stdout.strip().splitlines()[-1] if done.returncode == 0 and done.stdout.strip() else None
 
 
-def install_commands() -> list[list[str]]:
+def install_commands(packages: dict[str, list[str]]) -> list[list[str]]:
     """What to run on this system, in order; empty for a system whose package manager we do not know."""
-    for manager, (verb, packages) in MANAGERS.items():
+    for manager, verb in MANAGERS.items():
         if shutil.which(manager):
             first = [[manager, "update"]] if manager in ("apt-get", "apk") else []
-            return [*first, [manager, *verb, *packages]]
+            return [*first, [manager, *verb, *packages[manager]]]
     return []
 
 
-def main() -> int:
-    """Probe, install where permitted, probe again; 0 when OpenGL works, 3 when somebody must help."""
-    name = renderer_name()
-    commands = install_commands()
-    root = os.geteuid() == 0 if hasattr(os, "geteuid") else False
-    sudo = [] if root else ["sudo", "-n"]
-    permitted = root or (
-        shutil.which("sudo") and subprocess.run(["sudo", "-n", "true"], capture_output=True).returncode == 0
+def install(packages: dict[str, list[str]], missing: str) -> None:
+    """Install where that is permitted without asking, and say so."""
+    sudo = [] if _is_root() else ["sudo", "-n"]
+    permitted = _is_root() or (
+        shutil.which("sudo") and subprocess.run([*sudo, "true"], capture_output=True).returncode == 0
     )
-    if name is None and commands and permitted:
-        print("headless OpenGL is missing: installing Mesa's EGL", flush=True)
+    commands = install_commands(packages)
+    if permitted and commands:
+        print(f"{missing} is missing: installing it", flush=True)
         for command in commands:
             subprocess.run([*sudo, *command], stdout=subprocess.DEVNULL, check=False)
+
+
+def by_hand(packages: dict[str, list[str]], otherwise: str) -> str:
+    """What a person has to type, a line a command."""
+    sudo = "" if _is_root() else "sudo "
+    commands = install_commands(packages) or [["<your package manager>", "install", otherwise]]
+    return "\n".join("    " + sudo + " ".join(command) for command in commands)
+
+
+def _is_root() -> bool:
+    return hasattr(os, "geteuid") and os.geteuid() == 0
+
+
+def see_to_gl() -> int:
+    """Probe, install where permitted, probe again; 0 when OpenGL works, 3 when somebody must help."""
+    name = renderer_name()
+    if name is None:
+        install(MESA, "headless OpenGL (Mesa's EGL)")
         name = renderer_name()
     if name is not None:
         print(f"headless OpenGL: {name}")
         return 0
     print("skinbake needs headless OpenGL (EGL with Mesa). Install it, then run make again:", file=sys.stderr)
-    for command in commands or [["<your package manager>", "install", "Mesa's libEGL and its software rasteriser"]]:
-        print("    " + " ".join([] if root else ["sudo"]) + " " * (not root) + " ".join(command), file=sys.stderr)
+    print(by_hand(MESA, "Mesa's libEGL and its software rasteriser"), file=sys.stderr)
     return 3
 
 
+def see_to_xvfb() -> int:
+    """Install Xvfb where it is missing and permitted; always 0, since only a few tests are skipped without it."""
+    if sys.platform.startswith("linux") and shutil.which("Xvfb") is None:
+        install(XVFB, "Xvfb, which the window's tests need,")
+        if shutil.which("Xvfb") is None:
+            print(f"the window's tests will be skipped; to run them, install Xvfb:\n{by_hand(XVFB, 'Xvfb')}")
+    return 0
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(see_to_xvfb() if sys.argv[1:] == ["xvfb"] else see_to_gl())

@@ -8,6 +8,8 @@ from OpenGL import GL
 
 from skinbake.errors import MachineError
 
+STRIP = 32  # rows of a picture that are read at a time
+
 
 class FloatTarget:
     """Color attachments of float RGBA with depth, resolved from `samples` a pixel where that is above 1.
@@ -84,15 +86,23 @@ class FloatTarget:
             GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._resolved)
             GL.glBlitFramebuffer(*box, *box, GL.GL_COLOR_BUFFER_BIT, GL.GL_NEAREST)
 
-    def read(self, attachment: int = 0) -> NDArray[np.float32]:
-        """A color attachment, shape (height, width, 4), row 0 at the top."""
+    def read(self, attachment: int = 0, box: int = 1) -> NDArray[np.float32]:
+        """A color attachment, shape (height / box, width / box, 4), row 0 at the top: means of box x box points.
+
+        Some rows at a time, so that what is averaged is not in memory as a whole.
+        """
         self.resolve()
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._resolved)
         GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT0 + attachment)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
-        pixels = np.empty((self.height, self.width, 4), np.float32)
-        GL.glReadPixels(0, 0, self.width, self.height, GL.GL_RGBA, GL.GL_FLOAT, pixels)
-        return np.ascontiguousarray(pixels[::-1])
+        height, width = self.height // box, self.width // box
+        image = np.empty((height, width, 4), np.float32)
+        for row in range(0, height, STRIP):
+            rows = min(STRIP, height - row)
+            strip = np.empty((rows * box, self.width, 4), np.float32)
+            GL.glReadPixels(0, row * box, self.width, rows * box, GL.GL_RGBA, GL.GL_FLOAT, strip)
+            image[height - row - rows : height - row] = _mean(strip[::-1, : width * box], box)
+        return image
 
     def delete(self) -> None:
         """Free it."""
@@ -101,3 +111,15 @@ class FloatTarget:
             GL.glDeleteFramebuffers(1, [self._resolved])
         GL.glDeleteRenderbuffers(len(self._renderbuffers), self._renderbuffers)
         GL.glDeleteTextures([self.texture])
+
+
+def _mean(points: NDArray[np.float32], box: int) -> NDArray[np.floating]:
+    """Of box x box points, a row of points at a time so that the sum's order is fixed."""
+    if box == 1:
+        return points
+    split = points.reshape(len(points) // box, box, -1, box, 4)
+    total = np.zeros((split.shape[0], split.shape[2], 4))
+    for i in range(box):
+        for j in range(box):
+            total += split[:, i, :, j]
+    return total / box**2

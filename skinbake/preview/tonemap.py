@@ -9,6 +9,7 @@ from skinbake.numerics import Float
 
 KNEE = 0.6  # below it the picture is linear
 DESATURATION = 0.2  # how soon what is far too bright turns white
+BLOCK = 4096  # colours that are encoded at a time: all that is between stays in the cache
 
 
 def srgb_encode(linear: ArrayLike) -> Float:
@@ -47,7 +48,12 @@ def tonemap(linear: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
     ValueError
         If a value is not finite.
     """
-    linear = np.asarray(linear, dtype=np.float64)
+    linear = np.asarray(linear)
     if not np.isfinite(linear).all():
         raise ValueError("tonemap: expected finite values")
-    return np.rint(255 * srgb_encode(roll_off(linear * 2.0**exposure))).astype(np.uint8)
+    encoded = np.empty(linear.shape, np.uint8)
+    colors, bytes_ = linear.reshape(-1, 3), encoded.reshape(-1, 3)
+    for start in range(0, len(colors), BLOCK):
+        block = colors[start : start + BLOCK].astype(np.float64) * 2.0**exposure
+        bytes_[start : start + BLOCK] = np.rint(255 * srgb_encode(roll_off(block)))
+    return encoded

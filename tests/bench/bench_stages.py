@@ -42,7 +42,7 @@ def bake_stages(size: int, lobes: int, lights: int, segments: int, method: str, 
     """Shortest seconds of each stage, those of copying its bytes, and the peak memory of this process."""
     from skinbake.atlas import rasterize
     from skinbake.diffuse import diffuse
-    from skinbake.io.lobes import write_lobes
+    from skinbake.io.lobes import as_stored_lobes, write_lobes
     from skinbake.irradiance import light_texels
     from skinbake.profile.gaussian_sum import GaussianSum
     from skinbake.scene.lights import DirectionalLight
@@ -66,17 +66,18 @@ def bake_stages(size: int, lobes: int, lights: int, segments: int, method: str, 
         marks.append(time.perf_counter())
         baked = diffuse({1001: light}, names, atlas, mesh, skin, spec, 0)
         marks.append(time.perf_counter())
+        copies = [light.copy(), *(lobe.rgb[1001].copy() for lobe in baked.lobes)]
+        copied, copied_mib = time.perf_counter() - marks[-1], sum(copy.nbytes for copy in copies) / 2**20
+        del copies
+        writing = time.perf_counter()
         with TemporaryDirectory() as folder:
-            write_lobes(Path(folder), baked, "", {}, "half", "zip")
-        marks.append(time.perf_counter())
+            write_lobes(Path(folder), as_stored_lobes(baked, "half"), "", {}, "half", "zip")
+        took = [*np.diff(marks), time.perf_counter() - writing]
         if not keep:
             return
-        for stage, seconds in zip(STAGES, np.diff(marks), strict=True):
+        for stage, seconds in zip((*STAGES, "copy"), (*took, copied), strict=True):
             found[stage] = min(found.get(stage, np.inf), float(seconds))
-        start = time.perf_counter()
-        copies = [light.copy(), *(lobe.rgb[1001].copy() for lobe in baked.lobes)]
-        found["copy"] = min(found.get("copy", np.inf), time.perf_counter() - start)
-        found["copied_mib"] = sum(copy.nbytes for copy in copies) / 2**20
+        found["copied_mib"] = copied_mib
 
     once(relief(segments=16), 64, keep=False)
     mesh = relief(segments=segments)

@@ -75,11 +75,12 @@ def test_exposure_brightens_the_skin_and_leaves_the_background(bake, tmp_path):
     assert (bright[40, 30] > dark[40, 30]).all()
 
 
-@pytest.mark.parametrize("precision", ["half", "float"])
-def test_the_picture_of_a_bake_is_the_one_its_folder_gives(tmp_path, precision):
+@pytest.mark.parametrize(("precision", "own_thread"), [("half", True), ("float", True), ("half", False)])
+def test_the_picture_of_a_bake_is_the_one_its_folder_gives(tmp_path, monkeypatch, precision, own_thread):
     """Drawn from memory while the files are written, or read from them afterwards: the same bytes."""
     if renderer_name() is None:
         pytest.skip("no headless OpenGL here (python -m skinbake.preview.setup_gl)")
+    monkeypatch.setattr("skinbake.bake.still.any_thread", lambda: own_thread)
     write_bake(tmp_path)
     key = "{name: key, type: directional, direction: [-1, -1, -1], irradiance: [3, 2, 1]}"
     lights = f"lights=[{key}, {{name: sky, type: environment, radiance: [0.1, 0.2, 0.3]}}]"
@@ -89,6 +90,18 @@ def test_the_picture_of_a_bake_is_the_one_its_folder_gives(tmp_path, precision):
     assert picture(tmp_path / "out" / "preview.png").max() > 100
     assert run(["preview", str(tmp_path / "out"), "--png", str(tmp_path / "again.png")]) == 0
     assert (tmp_path / "again.png").read_bytes() == drawn
+
+
+def test_without_opengl_everything_but_the_picture_is_there(tmp_path, monkeypatch, capsys):
+    """The fault is told once, after the bake, with what to install."""
+    write_bake(tmp_path)
+    monkeypatch.setattr("skinbake.preview.platform._candidates", lambda chosen: [])
+    options = ["--set", "diffusion.tolerance=1", "--force", "--quiet"]
+    assert run(["bake", str(tmp_path / "look.yaml"), *options]) == 3
+    assert capsys.readouterr().err.count("install Mesa's EGL") == 1
+    assert (tmp_path / "out" / "bake.json").exists()
+    assert (tmp_path / "out" / "lobe_0.exr").exists()
+    assert not (tmp_path / "out" / "preview.png").exists()
 
 
 @pytest.mark.parametrize(

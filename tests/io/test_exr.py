@@ -49,6 +49,17 @@ def test_channels_that_half_cannot_hold_are_stored_as_float(tmp_path, top):
     np.testing.assert_array_equal(read, image)
 
 
+def test_a_channel_that_half_cannot_hold_leaves_the_others_as_they_are(tmp_path):
+    """Red keeps its digits, green and blue are halves, whether they come together or apart; with layers as well."""
+    image = IMAGE * np.float32([1e5, 1, 1])
+    write_parts(tmp_path / "a.exr", [part(image), Part("apart", {c: image[..., i] for i, c in enumerate("RGB")})])
+    for read in read_parts(tmp_path / "a.exr").values():
+        np.testing.assert_array_equal(read.rgb, as_stored(image, "half"))
+    layers = as_stored(np.stack([IMAGE, image]), "half")
+    np.testing.assert_array_equal(layers[1], as_stored(image, "half"))
+    np.testing.assert_array_equal(layers[0], as_stored(IMAGE, "half"))
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_nothing_that_is_not_finite_is_written(tmp_path, value):
     """The message names the texel, and the file that stood there still stands."""

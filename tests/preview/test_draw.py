@@ -11,6 +11,7 @@ from skinbake.preview.draw import Studio, draw
 from skinbake.preview.lamp import gains_rgb
 from skinbake.preview.mode import Mode
 from skinbake.preview.scene import PreviewLobe
+from skinbake.preview.target import STRIP
 from skinbake.scene.lights import DirectionalLight, PointLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SpecularSpec, TexturingSpec
@@ -104,11 +105,32 @@ def test_the_same_picture_comes_again_bit_for_bit(studio):
     assert first.tobytes() == again.tobytes()
 
 
+def test_textures_may_come_when_all_else_is_ready(studio):
+    """After others in number and size: the same picture bit for bit, folded or not; another mesh is refused."""
+    whole = studio.scene
+    lobe = PreviewLobe({1001: np.zeros((len(LIGHTS), 1, 1, 3), np.float16)}, (1.0, 1.0, 1.0), 0.0)
+    stand_in = replace(whole, lobes=(lobe,) * 2, maps=SkinMaps())
+    camera = view(whole.mesh, "three-quarter", 1.0)
+    with Studio(stand_in) as later:
+        for fold in (False, True):
+            studio._renderer.fold = later._renderer.fold = fold
+            later.draw(camera, (32, 32))
+            later.set_scene(whole)
+            got, want = later.draw(camera, (64, 64)), studio.draw(camera, (64, 64))
+            later.set_scene(stand_in)
+            studio._renderer.fold = False
+            assert got.rgba.tobytes() == want.rgba.tobytes()
+        with pytest.raises(ValueError, match="same mesh"):
+            later.set_scene(scene())
+
+
 def test_supersampling_is_the_mean_of_the_finer_picture(studio):
-    camera = view(studio.scene.mesh, "front", 1.0)
-    fine = studio.draw(camera, (90, 90), supersample=1).rgba.astype(np.float64)
-    coarse = studio.draw(camera, (30, 30), supersample=3).rgba
-    np.testing.assert_allclose(coarse, fine.reshape(30, 3, 30, 3, 4).mean((1, 3)), rtol=1e-6, atol=1e-7)
+    """Also in more than one strip of rows, the last one lower than the others."""
+    camera = view(studio.scene.mesh, "front", 30 / 2.5 / STRIP)
+    rows = 5 * STRIP // 2
+    fine = studio.draw(camera, (90, 3 * rows), supersample=1).rgba.astype(np.float64)
+    coarse = studio.draw(camera, (30, rows), supersample=3).rgba
+    np.testing.assert_allclose(coarse, fine.reshape(rows, 3, 30, 3, 4).mean((1, 3)), rtol=1e-6, atol=1e-7)
     assert len(np.unique(coarse[..., 3])) > 3  # smooth edges
 
 

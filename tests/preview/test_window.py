@@ -60,7 +60,7 @@ print(json.dumps(said))
 def driven(tmp_path_factory):
     xvfb = shutil.which("Xvfb")
     if xvfb is None:
-        pytest.skip("Xvfb is not installed (apt install xvfb)")
+        pytest.skip("Xvfb is not installed (make test installs it where it may; else: apt install xvfb)")
     read, write = os.pipe()
     server = subprocess.Popen(
         [xvfb, "-displayfd", str(write), "-screen", "0", "800x600x24", "-nolisten", "tcp"],

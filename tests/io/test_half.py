@@ -1,0 +1,32 @@
+import numpy as np
+import pytest
+
+from skinbake.io.half import as_half
+
+HALVES = np.arange(0x7C00, dtype=np.uint16).view(np.float16).astype(np.float32)  # every finite one above or equal 0
+
+
+def bits(half):
+    return half.view(np.uint16)
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_every_float_is_rounded_as_numpy_rounds_it():
+    """Every half, the ties between two and what lies beside them, both signs; and floats from the whole range."""
+    ties = (HALVES[1:] + HALVES[:-1]) / 2
+    beside = [np.nextafter(ties, np.float32(to)) for to in (0, np.inf)]
+    limits = np.array([65504, 65519.99, 65520, 65536, 1e30, np.inf, 1e-45, 2**-25, 2**-26], np.float32)
+    spread = np.arange(0, 0x7F800000, 4099, dtype=np.uint32).view(np.float32)
+    values = np.concatenate([HALVES, ties, *beside, limits, spread])
+    for signed in (values, -values):
+        np.testing.assert_array_equal(bits(as_half(signed)), bits(signed.astype(np.float16)))
+    assert np.isnan(as_half(np.array([np.nan, -np.nan], np.float32))).all()
+
+
+def test_views_of_any_shape_come_back_contiguous():
+    """Turned, strided, one texel, none."""
+    image = np.random.default_rng(3).random((7, 11, 3), dtype=np.float32)
+    for view in (image, image[::-1, ::2], image[..., 1].T, image[:1, :1], image[:0]):
+        half = as_half(view)
+        assert half.flags.c_contiguous
+        np.testing.assert_array_equal(half, view.astype(np.float16))
