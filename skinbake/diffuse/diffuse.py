@@ -145,26 +145,28 @@ def _make(
     variances = [float(v) for v in gaussians.variance_mm2]
     tell("measuring the error")
     exact = [diffuser.reference(v, probes) for v in variances] if len(probes) else []
-    made, unreduced, read = [], [], []
-    for i, (plan, variance) in enumerate(zip(plans, variances, strict=True)):
-        diffuser.keep_for([(p.method, v, p.spacing) for p, v in zip(plans[i:], variances[i:], strict=True)])
+    made: dict[int, Tiles] = {}
+    unreduced, read = {}, {}
+    # First those that share the pyramids of the texture method, then the narrow ones, which share single texels
+    order = sorted(range(len(plans)), key=lambda i: (plans[i].method != "texture", i))
+    for i in order:
+        plan, variance = plans[i], variances[i]
+        diffuser.keep_for(plan.method, variance, plan.spacing)
         tell(f"lobe {i}: {plan.method}")
-        values = diffuser.map(plan.method, variance, plan.level, plan.spacing)
-        made.append(values)
+        made[i] = diffuser.map(plan.method, variance, plan.level, plan.spacing)
         if len(probes):
-            # `stretch` has no result of its own between the texels that it was made at
-            direct = plan.method != "stretch"
-            unreduced.append(
-                diffuser.at(plan.method, variance, plan.level, plan.spacing, probes)
-                if direct
-                else diffuser.read(values, probes, half=False)
-            )
-            read.append(diffuser.read(values, probes, precision == "half"))
-    diffuser.keep_for([])
+            if plan.method == "stretch":  # has no result of its own between the texels that it was made at
+                unreduced[i] = diffuser.read(made[i], probes, half=False)
+            else:
+                unreduced[i] = diffuser.at(plan.method, variance, plan.level, plan.spacing, probes)
+            read[i] = diffuser.read(made[i], probes, precision == "half")
+    diffuser.keep_for("", 0.0, 0.0)
+    lobes = [made[i] for i in range(len(plans))]
     if not len(probes):
-        return made, None, [None] * len(plans)
-    total = measure_error(*(weighted_sum(x, gaussians.weight_rgb) for x in (read, unreduced, exact)))
-    return made, total, [measure_error(*each) for each in zip(read, unreduced, exact, strict=True)]
+        return lobes, None, [None] * len(plans)
+    found = [[of[i] for i in range(len(plans))] for of in (read, unreduced)]
+    total = measure_error(*(weighted_sum(x, gaussians.weight_rgb) for x in (*found, exact)))
+    return lobes, total, [measure_error(*each) for each in zip(*found, exact, strict=True)]
 
 
 def _checked(source: dict[int, NDArray[np.float32]], lights: tuple[str, ...], atlas: Atlas) -> Tiles:

@@ -94,19 +94,20 @@ class Diffuser:
         return self._targets[level]
 
     def sources(self, variance_mm2: float, spacing: float) -> SourceTree:
-        """Clusters of one lobe; kept until `keep_for`."""
+        """Clusters of one lobe; kept until those of another are asked for, or `keep_for`."""
         key = (variance_mm2, spacing)
         if key not in self._sources:
+            self._sources.clear()
             self._sources[key] = lobe_sources(self.surface, variance_mm2, spacing)
         return self._sources[key]
 
-    def keep_for(self, lobes: Sequence[tuple[str, float, float]]) -> None:
-        """Drop what none of these lobes needs: (method, variance_mm2, spacing) each."""
-        summed = [(variance, spacing) for method, variance, spacing in lobes if method == "surface"]
-        self._sources = {key: kept for key, kept in self._sources.items() if key in summed}
-        if "surface" in self.__dict__ and not any(sums_texels(self.surface, *each) for each in summed):
+    def keep_for(self, method: str, variance_mm2: float, spacing: float) -> None:
+        """Drop what this lobe does not need: sources, texels and pyramids are larger than the lobes themselves."""
+        summed = method == "surface"
+        self._sources = {key: kept for key, kept in self._sources.items() if summed and key == (variance_mm2, spacing)}
+        if "surface" in self.__dict__ and not (summed and sums_texels(self.surface, variance_mm2, spacing)):
             self.surface.__dict__.pop("texels", None)
-        if not any(method == "texture" for method, _, _ in lobes):
+        if method != "texture":
             self.__dict__.pop("pyramids", None)
 
     def map(self, method: str, variance_mm2: float, level: int, spacing: float) -> Tiles:

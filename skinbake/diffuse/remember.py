@@ -84,11 +84,11 @@ class RememberingDiffuser(Diffuser):
         kind = _kind("read", variance_mm2, level, spacing, probes)
         return self._columns(kind, lambda part: part.read_surface(variance_mm2, level, spacing, probes))
 
-    def keep_for(self, lobes: Sequence[tuple[str, float, float]]) -> None:
-        """Drop what none of these lobes needs."""
-        super().keep_for(lobes)
+    def keep_for(self, *lobe: Any) -> None:
+        """Drop what this lobe does not need."""
+        super().keep_for(*lobe)
         for part in self._parts.values():
-            part.keep_for(lobes)
+            part.keep_for(*lobe)
 
     def _columns(self, kind: Kind, compute: Callable[[Diffuser], Float]) -> Float:
         def make(names: tuple[str, ...]) -> dict[str, Values]:
