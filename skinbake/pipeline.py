@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from skinbake.diffuse.diffuse_map import PlanLine
 from skinbake.diffuse.remember import Remember
 from skinbake.diffuse.transmission import transmit
 from skinbake.irradiance import IrradianceMap, light_texels
+from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
 from skinbake.numerics import Float
 from skinbake.profile import FitReport, GaussianSum, fit_skin
@@ -38,6 +40,11 @@ class SceneData:
     mesh: SkinMesh
     maps: SkinMaps
     environments: Mapping[str, NDArray[np.float32]]
+
+    @cached_property
+    def occluder(self) -> Occluder:
+        """What rays meet, made when the first of them is cast."""
+        return Occluder(self.mesh)
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,7 @@ def light_skin(
         environments=scene.environments,
         seed=spec.output.seed,
         tolerance=spec.diffusion.tolerance,
+        occluder=scene.occluder,
     )
 
 
@@ -124,6 +132,7 @@ def scatter(
         mean,
         terms.transmission,
         spec.diffusion.tolerance,
+        None if terms.transmission == "off" else scene.occluder,
     )
     return replace(diffused, lobes=diffused.lobes + ((through,) if through else ()), plan=(*diffused.plan, line))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster
@@ -20,9 +21,9 @@ FEWEST = 256  # directions behind the oil's share where no shadows are traced
 
 
 def light_environment(
-    surface: TexelSurface, occluder: Occluder, plan: EnvironmentPlan, table: Float, f0: float
-) -> tuple[Image, Image]:
-    """Irradiance (H, W, 3) and unshadowed share (H, W).
+    surface: TexelSurface, occluder: Occluder, plan: EnvironmentPlan, table: Float, f0: float, rgb: Image, seen: Image
+) -> None:
+    """Irradiance and unshadowed share, written to `rgb` (H, W, 3) and `seen` (H, W), both zero before.
 
     Irradiance without shadows is the plan's: harmonics, or a table over all normals integrated exactly. Shadows
     multiply it by the share that the plan's directions find open, drawn in proportion to radiance and the same for
@@ -35,23 +36,33 @@ def light_environment(
         Of the oil's albedo; of size 0 where the oil takes nothing off.
     """
     addressed = surface.raster.addressed
-    irradiance = plan.unshadowed(surface.normal, addressed)
+    plan.unshadowed(surface.normal, addressed, rgb)
     if not plan.samples and not table.size:
-        return irradiance, addressed.astype(np.float32)
+        seen[...] = addressed
+        return
 
     directions, weights = plan.sky.draw(plan.samples or FEWEST, plan.offset)
-    origin, normal = surface.origin.reshape(-1, 3), surface.smooth_normal.reshape(-1, 3)
+    normal = surface.smooth_normal.reshape(-1, 3)
     roughness = np.broadcast_to(surface.roughness, addressed.shape).reshape(-1)
     strength = np.broadcast_to(surface.strength, addressed.shape).reshape(-1)
     barrier = occluder if plan.samples else None
 
     def trace(texels: NDArray[np.int64]) -> Image:
         oil = (roughness[texels], strength[texels], table, f0) if table.size else None
-        return open_shares(origin[texels], normal[texels], directions, weights, barrier, oil)
+        return open_shares(surface.origins(texels), normal[texels], directions, weights, barrier, oil)
 
     coarsest = lattice(surface.raster)
     share = refine(addressed, surface.smooth_normal, 4, trace, plan.variation, coarsest, coarsest // CLOSE)
-    return irradiance * share[..., :3], np.ascontiguousarray(share[..., 3])
+    _take_share(share, rgb, seen)
+
+
+@njit(cache=True, parallel=True)
+def _take_share(share: Image, rgb: Image, seen: Image) -> None:
+    for row in prange(share.shape[0]):
+        for col in range(share.shape[1]):
+            for k in range(3):
+                rgb[row, col, k] *= share[row, col, k]
+            seen[row, col] = share[row, col, 3]
 
 
 def lattice(raster: AtlasRaster) -> int:

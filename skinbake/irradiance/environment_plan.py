@@ -60,9 +60,9 @@ class EnvironmentPlan:
     table: Image
     lines: tuple[PlanLine, ...]
 
-    def unshadowed(self, normal: Image, addressed: NDArray[np.bool_]) -> Image:
-        """Irradiance of an open sky at unit normals (H, W, 3), zero where not addressed."""
-        return _unshadowed(self.matrix, self.table, normal, addressed)
+    def unshadowed(self, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
+        """Irradiance of an open sky at unit normals (H, W, 3), written to `out` where addressed."""
+        _unshadowed(self.matrix, self.table, normal, addressed, out)
 
 
 def plan_environment(
@@ -100,7 +100,8 @@ def plan_environment(
             samples, why = light.samples, f"{light.samples} directions, asked for"
         else:
             origin, normal = scattered_origins(mesh, occluder, size, POINTS)
-            base = _unshadowed(matrix, table, normal[None], np.ones((1, len(normal)), np.bool_))[0]
+            base = np.empty_like(normal)
+            _unshadowed(matrix, table, normal[None], np.ones((1, len(normal)), np.bool_), base[None])
             samples, why = _fewest_samples(
                 sky, offset, occluder, origin, normal, base, SAMPLING_SHARE * tolerance, bool(light.shadows)
             )
@@ -157,13 +158,11 @@ def _fewest_samples(
         samples *= 2
 
 
-def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[np.bool_]) -> Image:
-    out = np.zeros((*addressed.shape, 3), np.float32)
+def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
     if matrix.size:
         light_by_harmonics(matrix, normal, addressed, out)
     else:
         look_up(table, normal, addressed, out)
-    return out
 
 
 def _relative(found: Image | Float, exact: Image | Float) -> float:

@@ -38,6 +38,7 @@ def light_texels(
     environments: Mapping[str, Image] | None = None,
     seed: int = 0,
     tolerance: float = 0.01,
+    occluder: Occluder | None = None,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of each light at each texel, one map a tile.
 
@@ -59,9 +60,10 @@ def light_texels(
         Of the samples of area and environment lights.
     tolerance : float
         Rms error of an environment's light, by which its plan is made.
+    occluder : Occluder, optional
+        Of the mesh, where somebody has one already.
     """
-    specular = specular or SpecularSpec()
-    occluder = Occluder(mesh)
+    specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
     table = np.array(specular_albedo_table()) if energy_conservation else np.zeros((0, 0, 2))
     height, width = atlas[0].shape
@@ -76,15 +78,15 @@ def light_texels(
     maps_out = []
     for raster in atlas:
         surface = texel_surface(raster, mesh, maps, specular, occluder)
-        rgb = np.empty((len(lights), *raster.shape, 3), np.float32)
-        seen = np.empty((len(lights), *raster.shape), np.float32)
+        rgb = np.zeros((len(lights), *raster.shape, 3), np.float32)
+        seen = np.zeros((len(lights), *raster.shape), np.float32)
         for i, light in enumerate(lights):
             casts = shadows if light.shadows is None else light.shadows
             if isinstance(light, RectangleLight):
                 arriving, seen[i] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
-                rgb[i] = arriving[..., None] * np.asarray(light.radiance, np.float32)
+                np.multiply(arriving[..., None], np.asarray(light.radiance, np.float32), out=rgb[i])
             elif isinstance(light, EnvironmentLight):
-                rgb[i], seen[i] = light_environment(surface, occluder, skies[light.name], table, specular.f0)
+                light_environment(surface, occluder, skies[light.name], table, specular.f0, rgb[i], seen[i])
             else:
                 _light_one(surface, occluder, light, casts, table, specular.f0, rgb[i], seen[i])
         names = tuple(light.name for light in lights)
@@ -108,7 +110,8 @@ def _light_one(
     unshadowed(
         source,
         surface.raster.face_index,
-        surface.point,
+        surface.raster.barycentric,
+        surface.facets,
         surface.normal,
         surface.smooth_normal,
         surface.roughness,

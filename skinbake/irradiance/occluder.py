@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.irradiance.shadow_origin import facets_of
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
@@ -22,7 +23,7 @@ class Occluder:
 
     Attributes
     ----------
-    surface : SmoothSurface
+    facets : Facets
         What the rays meet.
     centre_mm : ndarray of shape (3,)
         All origins are given relative to it.
@@ -34,13 +35,14 @@ class Occluder:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
-        self.surface = smooth_surface(mesh)
-        low, high = self.surface.positions_mm.min(axis=0), self.surface.positions_mm.max(axis=0)
+        surface = smooth_surface(mesh)
+        low, high = surface.positions_mm.min(axis=0), surface.positions_mm.max(axis=0)
         self.centre_mm: Float = (low + high) / 2
-        positions = np.ascontiguousarray(self.surface.positions_mm - self.centre_mm, dtype=np.float32)
+        self.facets = facets_of(surface, self.centre_mm)
+        positions = np.ascontiguousarray(surface.positions_mm - self.centre_mm, dtype=np.float32)
         self.spacing_mm = float(np.spacing(np.abs(positions).max()))
         self._scene = EmbreeScene(robust=True)
-        self._triangles = TriangleMesh(self._scene, positions, self.surface.faces)
+        self._triangles = TriangleMesh(self._scene, positions, surface.faces)
         nothing = np.zeros((1, 3), np.float32)
         self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
 

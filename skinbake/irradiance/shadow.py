@@ -27,12 +27,11 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
     height, width = facing.shape
     lit = np.zeros((height, width), np.float32)
     flat = lit.reshape(-1)
-    origin = surface.origin.reshape(-1, 3)
 
     def trace(texels: NDArray[np.int64]) -> None:
         for start in range(0, len(texels), CHUNK):
             part = texels[start : start + CHUNK]
-            flat[part] = _clear(occluder, source, origin[part])
+            flat[part] = _clear(occluder, source, surface.origins(part))
 
     rows, cols = np.nonzero(facing[::2, ::2])
     trace(2 * rows * width + 2 * cols)
