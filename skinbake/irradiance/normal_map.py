@@ -51,16 +51,16 @@ def corner_tangents(mesh: SkinMesh) -> Float:
     map does not show the triangles; seams and mirrored charts stay apart.
     """
     p_u = normalized(uv_jacobian(mesh)[:, 0])
-    side = (signed_uv_area(mesh) < 0).astype(np.float64)
-    key = np.concatenate(
-        [mesh.faces[..., None], mesh.corner_uv, np.broadcast_to(side[:, None, None], (len(side), 3, 1))], 2
-    )
-    _, owner = np.unique(key.reshape(-1, 4), axis=0, return_inverse=True)
+    mirrored = np.repeat(signed_uv_area(mesh) < 0, 3)
+    # Pairs as complex numbers: rows sort ten times slower
+    uv = np.ascontiguousarray(mesh.corner_uv).reshape(-1, 2).view(np.complex128).ravel()
+    places, place = np.unique(uv, return_inverse=True)
+    vertex = mesh.faces.ravel().astype(np.int64)
+    _, owner = np.unique((2 * vertex + mirrored) * len(places) + place, return_inverse=True)
     p = mesh.corner_position_mm
     to_next, to_last = normalized(np.roll(p, -1, axis=1) - p), normalized(np.roll(p, 1, axis=1) - p)
     angle = np.arccos(np.clip((to_next * to_last).sum(-1), -1, 1)).ravel()
     weighted = np.repeat(p_u, 3, axis=0) * angle[:, None]
-    owner = owner.ravel()
     summed = np.stack([np.bincount(owner, weighted[:, k]) for k in range(3)], axis=1)[owner].reshape(p.shape)
     normal = mesh.corner_normal
     return normalized(summed - normal * (normal * summed).sum(-1, keepdims=True))

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.irradiance.emitter import aim
+from skinbake.irradiance.emitter import DIRECTIONAL, aim
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.numerics import Float
@@ -50,8 +50,11 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
 
 
 def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[np.bool_]:
-    direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
-    aim(source, origin, direction, reach)
+    if source[0] == DIRECTIONAL:
+        direction, reach = source[None, 1:4].astype(np.float32), np.full(len(origin), np.inf, np.float32)
+    else:
+        direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
+        aim(source, origin, direction, reach)
     return ~occluder.occluded(origin, direction, reach)
 
 
