@@ -24,6 +24,7 @@ from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
 
 Say = Callable[[str], None]
+Rounded = Callable[[NDArray[np.float32]], NDArray[np.floating]]
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,16 @@ def atlas_of(spec: SceneSpec, mesh: SkinMesh) -> Atlas:
 
 
 def light_skin(
-    spec: SceneSpec, scene: SceneData, atlas: Atlas, names: tuple[str, ...] | None = None
+    spec: SceneSpec,
+    scene: SceneData,
+    atlas: Atlas,
+    names: tuple[str, ...] | None = None,
+    rounded: Rounded = lambda image: image,
 ) -> tuple[IrradianceMap, ...]:
-    """Irradiance of the look's lights, or of those in `names`; a light's values do not depend on the others."""
+    """Irradiance of the look's lights, or of those in `names`; a light's values do not depend on the others.
+
+    Each is `rounded` before the next is computed.
+    """
     return light_texels(
         atlas,
         scene.mesh,
@@ -86,6 +94,7 @@ def light_skin(
         seed=spec.output.seed,
         tolerance=spec.diffusion.tolerance,
         occluder=scene.occluder,
+        rounded=rounded,
     )
 
 

@@ -23,7 +23,7 @@ FEWEST = 256  # directions behind the oil's share where no shadows are traced
 def light_environment(
     surface: TexelSurface, occluder: Occluder, plan: EnvironmentPlan, table: Float, f0: float, rgb: Image, seen: Image
 ) -> None:
-    """Irradiance and unshadowed share, written to `rgb` (H, W, 3) and `seen` (H, W), both zero before.
+    """Irradiance and unshadowed share, written to `rgb` (H, W, 3) and `seen` (H, W).
 
     Irradiance without shadows is the plan's: harmonics, or a table over all normals integrated exactly. Shadows
     multiply it by the share that the plan's directions find open, drawn in proportion to radiance and the same for

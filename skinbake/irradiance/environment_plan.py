@@ -61,7 +61,7 @@ class EnvironmentPlan:
     lines: tuple[PlanLine, ...]
 
     def unshadowed(self, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
-        """Irradiance of an open sky at unit normals (H, W, 3), written to `out` where addressed."""
+        """Irradiance of an open sky at unit normals (H, W, 3), written to `out`; zero where not addressed."""
         _unshadowed(self.matrix, self.table, normal, addressed, out)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numba import njit, prange
@@ -39,6 +39,7 @@ def light_texels(
     seed: int = 0,
     tolerance: float = 0.01,
     occluder: Occluder | None = None,
+    rounded: Callable[[Image], NDArray[np.floating]] = lambda image: image,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of each light at each texel, one map a tile.
 
@@ -62,6 +63,9 @@ def light_texels(
         Rms error of an environment's light, by which its plan is made.
     occluder : Occluder, optional
         Of the mesh, where somebody has one already.
+    rounded : callable
+        What each light's (H, W, C) are turned into before the next is computed: with halves, the floats of one light
+        only are in memory.
     """
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
@@ -75,22 +79,26 @@ def light_texels(
         if isinstance(light, EnvironmentLight)
     }
     plan = {name: sky.lines for name, sky in skies.items()}
+    names = tuple(light.name for light in lights)
     maps_out = []
     for raster in atlas:
         surface = texel_surface(raster, mesh, maps, specular, occluder)
-        rgb = np.zeros((len(lights), *raster.shape, 3), np.float32)
-        seen = np.zeros((len(lights), *raster.shape), np.float32)
-        for i, light in enumerate(lights):
+        found = []
+        for light in lights:
+            rgb, seen = np.empty((*raster.shape, 3), np.float32), np.empty(raster.shape, np.float32)
             casts = shadows if light.shadows is None else light.shadows
             if isinstance(light, RectangleLight):
-                arriving, seen[i] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
-                np.multiply(arriving[..., None], np.asarray(light.radiance, np.float32), out=rgb[i])
+                arriving, seen = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
+                np.multiply(arriving[..., None], np.asarray(light.radiance, np.float32), out=rgb)
             elif isinstance(light, EnvironmentLight):
-                light_environment(surface, occluder, skies[light.name], table, specular.f0, rgb[i], seen[i])
+                light_environment(surface, occluder, skies[light.name], table, specular.f0, rgb, seen)
             else:
-                _light_one(surface, occluder, light, casts, table, specular.f0, rgb[i], seen[i])
-        names = tuple(light.name for light in lights)
-        maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
+                _light_one(surface, occluder, light, casts, table, specular.f0, rgb, seen)
+            found.append((rounded(rgb), rounded(seen[..., None])[..., 0]))
+            del rgb, seen
+        del surface
+        all_rgb, all_seen = (np.stack(of_lights) for of_lights in zip(*found, strict=True))
+        maps_out.append(IrradianceMap(raster.tile, names, all_rgb, all_seen, raster.coverage, plan))
     return tuple(maps_out)
 
 
