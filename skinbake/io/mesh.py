@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write
+from skinbake.io.obj import Part, read_plain_obj
 from skinbake.numerics import Float, normalized
 from skinbake.scene.mesh import SkinMesh, smooth_vertex_normals
 from skinbake.scene.spec import MM_PER_UNIT
@@ -50,7 +51,7 @@ def read_mesh(
         The file is missing, is not a mesh, has no triangles, NaN vertices or no UVs, or is not as large as a head.
     """
     path = Path(path)
-    parts = [_part(path, *geometry) for geometry in _geometries(path)]
+    parts = _parts(path)
     if not parts or not sum(len(faces) for _, faces, _, _ in parts):
         raise InputError(f"{path}: expected triangles, got none")
     offsets = np.cumsum([0] + [len(positions) for positions, *_ in parts])
@@ -111,14 +112,27 @@ def write_obj(path: Path | str, mesh: SkinMesh, mm_per_unit: float = 1.0) -> Non
         file.writelines("f {}/{}/{} {}/{}/{} {}/{}/{}\n".format(*row) for row in address)
 
 
-def _geometries(path: Path) -> list[tuple[Any, Float]]:
-    """Every mesh instance in the file with its transform."""
-    import trimesh  # half a second: only when a mesh is read
-
+def _parts(path: Path) -> list[Part]:
+    """Positions, faces, UVs and normals by vertex of every mesh in the file, in the file's world space."""
     if not path.exists():
         raise InputError(f"{path}: no such file")
     if path.is_dir() or path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: expected a mesh file ({', '.join(SUFFIXES)})")
+    if path.suffix.lower() == ".obj":
+        try:
+            plain = read_plain_obj(path.read_bytes())
+        except PermissionError:
+            raise InputError(f"{path}: permission to read it is missing") from None
+        if plain is not None:
+            positions, faces, uv, normals = plain
+            return [(positions, faces, uv, None if normals is None else _directions(normals))]
+    return [_part(path, *geometry) for geometry in _geometries(path)]
+
+
+def _geometries(path: Path) -> list[tuple[Any, Float]]:
+    """Every mesh instance in the file with its transform."""
+    import trimesh  # half a second: only when it must be
+
     try:
         # process=False: trimesh would merge vertices. Never maintain_order: it gives both sides of a UV seam one UV
         options: dict[str, Any] = {"process": False, "group_material": False}
@@ -141,8 +155,8 @@ def _geometries(path: Path) -> list[tuple[Any, Float]]:
     return found
 
 
-def _part(path: Path, geometry: Any, transform: Float) -> tuple[Float, NDArray[np.int32], Float | None, Float | None]:
-    """Positions, faces, UVs and normals by vertex, in the file's world space."""
+def _part(path: Path, geometry: Any, transform: Float) -> Part:
+    """One of `_parts`."""
     positions = np.asarray(geometry.vertices, dtype=np.float64)
     faces = np.asarray(geometry.faces, dtype=np.int32)
     _check_positions(path, positions)
@@ -160,11 +174,7 @@ def _part(path: Path, geometry: Any, transform: Float) -> tuple[Float, NDArray[n
     normals = geometry._cache.cache.get("vertex_normals")
     if normals is not None:
         normals = np.asarray(normals, dtype=np.float64)
-        if normals.shape == positions.shape:  # what is no direction is left out, and made from the triangles
-            normals = np.where(np.abs(normals) < LARGEST, normals, 0.0)
-            normals = normals @ np.linalg.inv(linear)
-        else:
-            normals = None
+        normals = _directions(normals) @ np.linalg.inv(linear) if normals.shape == positions.shape else None
     if np.linalg.det(linear) < 0:
         faces = np.ascontiguousarray(faces[:, ::-1])
     if uv is not None:
@@ -173,6 +183,11 @@ def _part(path: Path, geometry: Any, transform: Float) -> tuple[Float, NDArray[n
             raise InputError(f"{path}: expected two UV coordinates a vertex, got shape {uv.shape}")
         uv = uv[:, :2]
     return positions, faces, uv, normals
+
+
+def _directions(normals: Float) -> Float:
+    """What is no direction is left out, and will be made from the triangles."""
+    return np.where(np.abs(normals) < LARGEST, normals, 0.0)
 
 
 def _check_positions(path: Path, positions: Float) -> None:
