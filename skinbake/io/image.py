@@ -101,9 +101,9 @@ def read_map(path: Path | str, channels: int, assume: str = "auto", color_space:
         _refuse_non_finite(path, values)
 
     colours = values[..., : 3 if values.shape[2] >= 3 else 1]
-    if channels == 1:
+    if channels == 1 and colours.shape[2] == 3:
         return colours.mean(axis=2, keepdims=True, dtype=np.float32)
-    return np.ascontiguousarray(np.repeat(colours, 3, axis=2) if colours.shape[2] == 1 else colours)
+    return np.ascontiguousarray(np.repeat(colours, 3, axis=2) if colours.shape[2] < channels else colours)
 
 
 def srgb_to_linear(encoded: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -169,23 +169,27 @@ def _decode(pixels: NDArray[Any], color_space: str) -> Image:
 
 
 def _as_normals(values: Image, green: str) -> Image:
-    """0 ... 1 to -1 ... 1, unless the file is signed already; green up."""
-    normals = values if values.min() < 0 else 2 * values - 1
+    """0 ... 1 to -1 ... 1, in place, unless the file is signed already; green up."""
+    if values.min() >= 0:
+        values *= 2
+        values -= 1
     if green == "directx":
-        normals[..., 1] *= -1
-    return normals
+        values[..., 1] *= -1
+    return values
 
 
 def _within(path: Path, values: Image, low: float, high: float) -> Image:
-    bad = (values < low - RINGING) | (values > high + RINGING)
-    if bad.any():
+    """Clamp in place what rings, refuse what is further out."""
+    least, most = low - RINGING, high + RINGING
+    if values.min() < least or values.max() > most:
+        bad = (values < least) | (values > most)
         row, col, channel = np.argwhere(bad)[0]
         expected = f"values from {low:g} to {high:g}" if np.isfinite(high) else f"values >= {low:g}"
         raise InputError(
             f"{path}: expected {expected}, got {values[row, col, channel]:g} at column {col}, row {row}"
             f" ({np.count_nonzero(bad)} in all)"
         )
-    return np.clip(values, low, high)
+    return np.clip(values, low, high, out=values)
 
 
 def _refuse_non_finite(path: Path, pixels: NDArray[Any]) -> None:

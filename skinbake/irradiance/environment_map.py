@@ -117,11 +117,10 @@ def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float
 
 @njit(cache=True, parallel=True)
 def look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
-    """Irradiance at texels from `irradiance_table`, by their unit normals; written to `out` (H, W, 3), elsewhere 0."""
+    """Irradiance at texels from `irradiance_table`, by their unit normals; written to `out` (H, W, 3)."""
     size = table.shape[0] - 1
     for row in prange(addressed.shape[0]):
         for col in range(addressed.shape[1]):
-            out[row, col] = 0.0
             if not addressed[row, col]:
                 continue
             nx, ny, nz = (

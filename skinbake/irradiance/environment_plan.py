@@ -60,9 +60,9 @@ class EnvironmentPlan:
     table: Image
     lines: tuple[PlanLine, ...]
 
-    def unshadowed(self, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
-        """Irradiance of an open sky at unit normals (H, W, 3), written to `out`; zero where not addressed."""
-        _unshadowed(self.matrix, self.table, normal, addressed, out)
+    def unshadowed(self, normal: Image, addressed: NDArray[np.bool_]) -> Image:
+        """Irradiance of an open sky at unit normals (H, W, 3), zero where not addressed."""
+        return _unshadowed(self.matrix, self.table, normal, addressed)
 
 
 def plan_environment(
@@ -100,8 +100,7 @@ def plan_environment(
             samples, why = light.samples, f"{light.samples} directions, asked for"
         else:
             origin, normal = scattered_origins(mesh, occluder, size, POINTS)
-            base = np.empty_like(normal)
-            _unshadowed(matrix, table, normal[None], np.ones((1, len(normal)), np.bool_), base[None])
+            base = _unshadowed(matrix, table, normal[None], np.ones((1, len(normal)), np.bool_))[0]
             samples, why = _fewest_samples(
                 sky, offset, occluder, origin, normal, base, SAMPLING_SHARE * tolerance, bool(light.shadows)
             )
@@ -158,11 +157,13 @@ def _fewest_samples(
         samples *= 2
 
 
-def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
+def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[np.bool_]) -> Image:
+    out = np.zeros((*addressed.shape, 3), np.float32)
     if matrix.size:
         light_by_harmonics(matrix, normal, addressed, out)
     else:
         look_up(table, normal, addressed, out)
+    return out
 
 
 def _relative(found: Image | Float, exact: Image | Float) -> float:

@@ -45,14 +45,13 @@ def harmonic_matrix(radiance: Image, rotate_deg: float = 0.0) -> Float:
 
 @njit(cache=True, parallel=True)
 def light_by_harmonics(matrix: Float, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
-    """Irradiance at texels by their unit normals (H, W, 3), written to `out` (H, W, 3). Never below 0, and 0 elsewhere.
+    """Irradiance at texels by their unit normals (H, W, 3), written to `out` (H, W, 3). Never below 0.
 
     Where the series rings below 0 around a small bright light, there is none.
     """
     for row in prange(addressed.shape[0]):
         for col in range(addressed.shape[1]):
             if not addressed[row, col]:
-                out[row, col] = 0.0
                 continue
             x, y, z = np.float64(normal[row, col, 0]), np.float64(normal[row, col, 1]), np.float64(normal[row, col, 2])
             for k in range(3):

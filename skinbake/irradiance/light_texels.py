@@ -64,8 +64,8 @@ def light_texels(
     occluder : Occluder, optional
         Of the mesh, where somebody has one already.
     rounded : callable
-        What each light's (H, W, C) are turned into before the next is computed: with halves, the floats of one light
-        only are in memory.
+        What each light's (H, W, 4), irradiance and unshadowed share, is turned into before the next is computed: with
+        halves, the floats of one light only are in memory.
     """
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
@@ -85,20 +85,20 @@ def light_texels(
         surface = texel_surface(raster, mesh, maps, specular, occluder)
         found = []
         for light in lights:
-            rgb, seen = np.empty((*raster.shape, 3), np.float32), np.empty(raster.shape, np.float32)
+            lit = np.empty((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
             casts = shadows if light.shadows is None else light.shadows
             if isinstance(light, RectangleLight):
-                arriving, seen = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
-                np.multiply(arriving[..., None], np.asarray(light.radiance, np.float32), out=rgb)
+                arriving, lit[..., 3] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
+                np.multiply(arriving[..., None], np.asarray(light.radiance, np.float32), out=lit[..., :3])
             elif isinstance(light, EnvironmentLight):
-                light_environment(surface, occluder, skies[light.name], table, specular.f0, rgb, seen)
+                light_environment(surface, occluder, skies[light.name], table, specular.f0, lit)
             else:
-                _light_one(surface, occluder, light, casts, table, specular.f0, rgb, seen)
-            found.append((rounded(rgb), rounded(seen[..., None])[..., 0]))
-            del rgb, seen
+                _light_one(surface, occluder, light, casts, table, specular.f0, lit)
+            found.append(rounded(lit))
+            del lit
         del surface
-        all_rgb, all_seen = (np.stack(of_lights) for of_lights in zip(*found, strict=True))
-        maps_out.append(IrradianceMap(raster.tile, names, all_rgb, all_seen, raster.coverage, plan))
+        rgb, seen = np.stack([lit[..., :3] for lit in found]), np.stack([lit[..., 3] for lit in found])
+        maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
     return tuple(maps_out)
 
 
@@ -109,12 +109,11 @@ def _light_one(
     casts: bool,
     table: Float,
     f0: float,
-    rgb: Image,
-    seen: Image,
+    out: Image,
 ) -> None:
-    """One light of one direction, written into `rgb` (H, W, 3) and `seen` (H, W)."""
+    """One light of one direction, irradiance and unshadowed share, written to `out` (H, W, 4)."""
     source = emitter(light, occluder.centre_mm)
-    arriving, facing = np.empty(seen.shape, np.float32), np.empty(seen.shape, np.bool_)
+    arriving, facing = np.empty(out.shape[:2], np.float32), np.empty(out.shape[:2], np.bool_)
     unshadowed(
         source,
         surface.raster.face_index,
@@ -129,14 +128,15 @@ def _light_one(
         arriving,
         facing,
     )
-    seen[...] = visibility(surface, occluder, source, facing) if casts else facing
-    _colour(arriving, seen, colour(light), rgb)
+    seen = visibility(surface, occluder, source, facing) if casts else facing.astype(np.float32)
+    _colour(arriving, seen, colour(light), out)
 
 
 @njit(cache=True, parallel=True)
-def _colour(arriving: Image, seen: Image, light_rgb: Float, rgb: Image) -> None:
+def _colour(arriving: Image, seen: Image, light_rgb: Float, out: Image) -> None:
     for row in prange(arriving.shape[0]):
         for col in range(arriving.shape[1]):
             value = np.float64(arriving[row, col]) * np.float64(seen[row, col])
             for k in range(3):
-                rgb[row, col, k] = value * light_rgb[k]
+                out[row, col, k] = value * light_rgb[k]
+            out[row, col, 3] = seen[row, col]

@@ -49,9 +49,9 @@ def integrate_specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, nodes:
     return out.reshape(*c.shape, 2)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True)
 def _integrate_each(cos_theta: Float, roughness: Float, slope_rule: Float, azimuth_rule: Float, out: Float) -> None:
-    for i in numba.prange(len(cos_theta)):
+    for i in range(len(cos_theta)):
         c, m = min(max(cos_theta[i], 1e-6), 1.0), max(roughness[i], ROUGHNESS_MIN)
         # In slope = tan(alpha)/m: below the first bound every azimuth of H sends light up, above the second none does
         half_turn, theta = np.pi / 2, np.arccos(c)
@@ -119,10 +119,10 @@ def albedo_at(table: Float, cos_theta: float, roughness: float, f0: float) -> fl
     return (1 - x) * a + x * b
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True)
 def _albedo_each(table: Float, cos_theta: Float, roughness: Float, f0: float) -> Float:
     out = np.empty(cos_theta.size)
-    for k in numba.prange(cos_theta.size):
+    for k in range(cos_theta.size):
         out[k] = albedo_at(table, cos_theta[k], roughness[k], f0)
     return out
 

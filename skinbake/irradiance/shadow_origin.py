@@ -48,9 +48,9 @@ def facets_of(surface: SmoothSurface, centre_mm: Float) -> Facets:
     return Facets(surface.levels, corner, surface.corner_normal, facing, surface.relief_mm)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def _face_outwards(corner: Float, normal: Float, facing: Float) -> None:
-    for f in prange(len(corner)):
+    for f in range(len(corner)):
         a, b = corner[f, 1] - corner[f, 0], corner[f, 2] - corner[f, 0]
         x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
         length = np.sqrt(x * x + y * y + z * z)
@@ -142,12 +142,12 @@ def long_ways(
                 out[row, col] = dx * dx + dy * dy + dz * dz > threshold_mm[face] * threshold_mm[face]
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def place(
     face: NDArray[np.int32], barycentric: Image, facets: Facets, step_mm: Float, start: Image, way: Image
 ) -> None:
     """`way_up` at n places in faces: `start` and `way`, both (n, 3), are written."""
-    for i in prange(len(face)):
+    for i in range(len(face)):
         px, py, pz, dx, dy, dz = way_up(
             facets, step_mm, face[i], np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
         )
