@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from skinbake.atlas.raster import FIRST_TILE
 from skinbake.errors import InputError
 from skinbake.scene.lights import EnvironmentLight, LightSpec
 from skinbake.scene.maps import SkinMaps
-from skinbake.scene.spec import MapSpec, MapsSpec
+from skinbake.scene.spec import MapSpec, MapsSpec, NormalMapSpec
 
 Image = NDArray[np.float32]
 UDIM_MARK = "<UDIM>"
@@ -35,26 +36,31 @@ def read_maps(spec: MapsSpec, tiles: Sequence[int] = (FIRST_TILE,)) -> SkinMaps:
     InputError
         A map is missing, cannot be read, is not finite or leaves its range; the message names file and texel.
     """
-    maps: dict[str, Any] = {"albedo_rgb": spec.albedo_rgb}
-    if spec.albedo is not None:
-        maps["albedo"] = {
-            tile: _within(path, read_map(path, 3, "auto", spec.albedo.color_space), 0.0, 1.0)
-            for tile, path in _files(spec.albedo, tiles)
+    readers: dict[str, Callable[[Any, Path], Image]] = {
+        "albedo": _read_albedo, "normal": _read_normal, "roughness": _read_factor, "specular": _read_factor
+    }  # fmt: skip
+    with ThreadPoolExecutor(2) as pool:  # a picture is inflated without the interpreter's lock
+        jobs = {
+            name: {tile: pool.submit(read, of, path) for tile, path in _files(of, tiles)}
+            for name, read in readers.items()
+            if (of := getattr(spec, name)) is not None
         }
+        maps: dict[str, Any] = {name: {tile: job.result() for tile, job in of.items()} for name, of in jobs.items()}
     if spec.normal is not None:
-        maps["normal_space"], maps["normal_strength"] = spec.normal.space, spec.normal.strength
-        maps["normal"] = {
-            tile: _as_normals(read_map(path, 3, "linear", spec.normal.color_space), spec.normal.green)
-            for tile, path in _files(spec.normal, tiles)
-        }
-    for name in ("roughness", "specular"):
-        of = getattr(spec, name)
-        if of is not None:
-            maps[name] = {
-                tile: _within(path, read_map(path, 1, "linear", of.color_space), 0.0, 1.0)[..., 0]
-                for tile, path in _files(of, tiles)
-            }
-    return SkinMaps(**maps)
+        maps |= {"normal_space": spec.normal.space, "normal_strength": spec.normal.strength}
+    return SkinMaps(albedo_rgb=spec.albedo_rgb, **maps)
+
+
+def _read_albedo(of: MapSpec, path: Path) -> Image:
+    return _within(path, read_map(path, 3, "auto", of.color_space), 0.0, 1.0)
+
+
+def _read_normal(of: NormalMapSpec, path: Path) -> Image:
+    return _as_normals(read_map(path, 3, "linear", of.color_space), of.green)
+
+
+def _read_factor(of: MapSpec, path: Path) -> Image:
+    return _within(path, read_map(path, 1, "linear", of.color_space), 0.0, 1.0)[..., 0]
 
 
 def read_environments(lights: Iterable[LightSpec]) -> dict[str, Image]:

@@ -64,8 +64,8 @@ def light_texels(
     occluder : Occluder, optional
         Of the mesh, where somebody has one already.
     rounded : callable
-        What each light's (H, W, 4), irradiance and unshadowed share, is turned into before the next is computed: with
-        halves, the floats of one light only are in memory.
+        Makes of a light's (H, W, 4), irradiance and unshadowed share, what is kept of it, before the next is computed in
+        its place: with halves, the floats of one light only are in memory.
     """
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
@@ -84,8 +84,8 @@ def light_texels(
     for raster in atlas:
         surface = texel_surface(raster, mesh, maps, specular, occluder)
         found = []
+        lit = np.empty((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
         for light in lights:
-            lit = np.empty((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
             casts = shadows if light.shadows is None else light.shadows
             if isinstance(light, RectangleLight):
                 arriving, lit[..., 3] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
@@ -94,10 +94,10 @@ def light_texels(
                 light_environment(surface, occluder, skies[light.name], table, specular.f0, lit)
             else:
                 _light_one(surface, occluder, light, casts, table, specular.f0, lit)
-            found.append(rounded(lit))
-            del lit
-        del surface
-        rgb, seen = np.stack([lit[..., :3] for lit in found]), np.stack([lit[..., 3] for lit in found])
+            kept = rounded(lit)
+            found.append(lit.copy() if kept is lit else kept)
+        del surface, lit
+        rgb, seen = np.stack([kept[..., :3] for kept in found]), np.stack([kept[..., 3] for kept in found])
         maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
     return tuple(maps_out)
 
