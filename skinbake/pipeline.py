@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -36,16 +37,19 @@ class SceneData:
     mesh : SkinMesh
     maps : SkinMaps
     environments : mapping of light name to ndarray of shape (h, w, 3), linear radiance
+    building : Future of Occluder, optional
+        Of the mesh, where somebody has begun to make one.
     """
 
     mesh: SkinMesh
     maps: SkinMaps
     environments: Mapping[str, NDArray[np.float32]]
+    building: Future[Occluder] | None = None
 
     @cached_property
     def occluder(self) -> Occluder:
-        """What rays meet, made when the first of them is cast."""
-        return Occluder(self.mesh)
+        """What rays meet, one for the whole bake."""
+        return self.building.result() if self.building else Occluder(self.mesh)
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ class LookFolder:
 
         def read() -> pipeline.SceneData:
             with self.timed("read"):
-                scene = read_scene(self.spec)
+                scene = read_scene(self.spec, rays=True)
             self._check_inputs()
             return scene
 

@@ -64,8 +64,8 @@ def light_texels(
     occluder : Occluder, optional
         Of the mesh, where somebody has one already.
     rounded : callable
-        Makes of a light's (H, W, 4), irradiance and unshadowed share, what is kept of it, before the next is computed in
-        its place: with halves, the floats of one light only are in memory.
+        Makes of a light's (H, W, 4), irradiance and unshadowed share, what is kept of it, before the next is computed
+        in its place: with halves, the floats of one light only are in memory.
     """
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
