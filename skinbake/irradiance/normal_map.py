@@ -51,12 +51,15 @@ def corner_tangents(mesh: SkinMesh) -> Float:
     map does not show the triangles; seams and mirrored charts stay apart.
     """
     p_u = normalized(uv_jacobian(mesh)[:, 0])
-    mirrored = np.repeat(signed_uv_area(mesh) < 0, 3)
-    # Pairs as complex numbers: rows sort ten times slower
-    uv = np.ascontiguousarray(mesh.corner_uv).reshape(-1, 2).view(np.complex128).ravel()
-    places, place = np.unique(uv, return_inverse=True)
-    vertex = mesh.faces.ravel().astype(np.int64)
-    _, owner = np.unique((2 * vertex + mirrored) * len(places) + place, return_inverse=True)
+    vertex, count = mesh.faces.ravel(), len(mesh.positions_mm)
+    key = np.column_stack([mesh.corner_uv.reshape(-1, 2), np.repeat(signed_uv_area(mesh) < 0, 3)])
+    # Most corners are like the first one of their vertex: only those that are not need sorting
+    first = np.zeros(count, np.int64)
+    first[vertex[::-1]] = np.arange(len(vertex))[::-1]
+    apart = np.flatnonzero((key != key[first[vertex]]).any(axis=1))
+    owner = vertex.astype(np.int64)
+    rows = np.column_stack([owner[apart], key[apart]])
+    owner[apart] = count + np.unique(rows, axis=0, return_inverse=True)[1].ravel()
     p = mesh.corner_position_mm
     to_next, to_last = normalized(np.roll(p, -1, axis=1) - p), normalized(np.roll(p, 1, axis=1) - p)
     angle = np.arccos(np.clip((to_next * to_last).sum(-1), -1, 1)).ravel()
