@@ -80,7 +80,9 @@ def _rasterize_tile(
 
     # Faces of this tile; NaN rows keep the others (and degenerate ones) out of every band
     y = corner_xy[..., 1]
-    (left, low), (right, high) = (extreme.reduce(np.moveaxis(corner_xy, 1, 0)).T for extreme in (np.minimum, np.maximum))
+    (left, low), (right, high) = (
+        extreme.reduce(np.moveaxis(corner_xy, 1, 0)).T for extreme in (np.minimum, np.maximum)
+    )
     outside = (right < 0) | (left > width) | (uv_area == 0)
     low, high = np.where(outside, np.nan, low), np.where(outside, np.nan, high)
     start, items = bin_by_band(low, high, height)

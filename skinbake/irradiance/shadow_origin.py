@@ -31,6 +31,8 @@ class Facets(NamedTuple):
     facing : ndarray of shape (F 4^levels, 3)
         Unit normal of the flat triangle, on the side of its corners' normals.
     relief_mm : ndarray of shape (F, 3)
+    bulge_mm : ndarray of shape (F,)
+        No point of a face is further from the smooth surface.
     """
 
     levels: int
@@ -38,30 +40,38 @@ class Facets(NamedTuple):
     corner_normal: Float
     facing: Float
     relief_mm: Float
+    bulge_mm: Float
 
 
 def facets_of(surface: SmoothSurface, centre_mm: Float) -> Facets:
     """Gather the triangles of a smooth surface, about `centre_mm`."""
     corner = (surface.positions_mm - centre_mm)[surface.faces]
-    facing = np.empty((len(corner), 3))
-    _face_outwards(corner, surface.corner_normal, facing)
-    return Facets(surface.levels, corner, surface.corner_normal, facing, surface.relief_mm)
+    facing, depth_mm = np.empty((len(corner), 3)), np.empty(len(corner))
+    _measure(corner, surface.corner_normal, facing, depth_mm)
+    bulge_mm = surface.relief_mm.max(axis=1) + depth_mm.reshape(len(surface.relief_mm), -1).max(axis=1, initial=0)
+    return Facets(surface.levels, corner, surface.corner_normal, facing, surface.relief_mm, bulge_mm)
 
 
 @njit(cache=True)
-def _face_outwards(corner: Float, normal: Float, facing: Float) -> None:
+def _measure(corner: Float, normal: Float, facing: Float, depth: Float) -> None:
+    """Normals of triangles, and how deep each lies below the tangent planes at its corners."""
     for f in range(len(corner)):
-        a, b = corner[f, 1] - corner[f, 0], corner[f, 2] - corner[f, 0]
-        x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-        length = np.sqrt(x * x + y * y + z * z)
-        if length == 0.0:
-            facing[f] = 0.0
-            continue
-        along = 0.0
+        ax, ay, az = corner[f, 0, 0], corner[f, 0, 1], corner[f, 0, 2]
+        bx, by, bz = corner[f, 1, 0] - ax, corner[f, 1, 1] - ay, corner[f, 1, 2] - az
+        cx, cy, cz = corner[f, 2, 0] - ax, corner[f, 2, 1] - ay, corner[f, 2, 2] - az
+        x, y, z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        along, deepest = 0.0, 0.0
         for k in range(3):
-            along += normal[f, k, 0] * x + normal[f, k, 1] * y + normal[f, k, 2] * z
-        side = -1.0 / length if along < 0.0 else 1.0 / length
-        facing[f, 0], facing[f, 1], facing[f, 2] = side * x, side * y, side * z
+            nx, ny, nz = normal[f, k, 0], normal[f, k, 1], normal[f, k, 2]
+            along += nx * x + ny * y + nz * z
+            # Heights of the corners above this one's plane
+            of_b, of_c = nx * bx + ny * by + nz * bz, nx * cx + ny * cy + nz * cz
+            own = 0.0 if k == 0 else (of_b if k == 1 else of_c)
+            deepest = max(deepest, own, own - of_b, own - of_c)
+        depth[f] = deepest
+        length = np.sqrt(x * x + y * y + z * z)
+        scale = 0.0 if length == 0.0 else (-1.0 / length if along < 0.0 else 1.0 / length)
+        facing[f, 0], facing[f, 1], facing[f, 2] = scale * x, scale * y, scale * z
 
 
 @njit(cache=True, inline="always")
@@ -136,7 +146,7 @@ def long_ways(
         for col in range(face_index.shape[1]):
             face = face_index[row, col]
             out[row, col] = False
-            if face != NO_FACE:
+            if face != NO_FACE and facets.bulge_mm[face] > threshold_mm[face]:
                 b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
                 _, _, _, dx, dy, dz = way_up(facets, step_mm, face, b1, b2)
                 out[row, col] = dx * dx + dy * dy + dz * dz > threshold_mm[face] * threshold_mm[face]
