@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skinbake.irradiance.occluder import Occluder, spread
 from skinbake.irradiance.oil_albedo import albedo_at
-from skinbake.numerics import Float
+from skinbake.numerics import Float, safe_div
 
 Image = NDArray[np.float32]
 RAYS = 1 << 16  # that a thread has in memory at a time
@@ -23,7 +23,26 @@ def open_shares(
     occluder: Occluder | None,
     oil: tuple[Image, Image, Float, float] | None = None,
 ) -> Image:
-    """Share of each channel that arrives and passes the oil, and of the mean of the channels that arrives, (n, 4).
+    """Share of each channel that arrives and passes the oil, and of the mean of the channels that arrives, (n, 4)."""
+    return shares_of(open_sums(origin, normal, directions, weights, occluder, oil))
+
+
+def shares_of(sums: Float) -> Image:
+    """What arrives over what is sent, of `open_sums`."""
+    return safe_div(sums[:, 1], sums[:, 0]).astype(np.float32)
+
+
+def open_sums(
+    origin: Image,
+    normal: Image,
+    directions: Image,
+    weights: Image,
+    occluder: Occluder | None,
+    oil: tuple[Image, Image, Float, float] | None = None,
+) -> Float:
+    """What directions send to points by the cosine, and what of it arrives, both R, G, B and their sum: (n, 2, 4).
+
+    What passes the oil is counted in R, G, B of what arrives, not in their sum.
 
     Parameters
     ----------
@@ -38,17 +57,17 @@ def open_shares(
     zero = np.zeros(len(origin), np.float32)
     roughness, strength, table, f0 = oil or (zero, zero, NO_OIL, 0.0)
     directions, weights = np.ascontiguousarray(directions.T), np.ascontiguousarray(weights.T)
-    out = np.empty((len(origin), 4), np.float32)
+    out = np.empty((len(origin), 2, 4))
 
-    def share(part: slice) -> None:
+    def add_up(part: slice) -> None:
         starts, rays = (np.empty((len(out[part]) * directions.shape[1], 3), np.float32) for _ in range(2))
         count = _aim(origin[part], normal[part], directions, starts, rays)
         clear = np.ones(count, np.bool_)
         if occluder is not None:
             clear = ~occluder.occluded(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
-        _shares(clear, normal[part], directions, weights, roughness[part], strength[part], table, f0, out[part])
+        _sum(clear, normal[part], directions, weights, roughness[part], strength[part], table, f0, out[part])
 
-    spread(share, len(origin), max(1, RAYS // directions.shape[1]))
+    spread(add_up, len(origin), max(1, RAYS // directions.shape[1]))
     return out
 
 
@@ -72,7 +91,7 @@ def _aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: I
 
 
 @njit(cache=True, nogil=True)
-def _shares(
+def _sum(
     clear: NDArray[np.bool_],
     normal: Image,
     directions: Image,
@@ -81,9 +100,9 @@ def _shares(
     strength: Image,
     table: Float,
     f0: float,
-    out: Image,
+    out: Float,
 ) -> None:
-    """As `open_shares`, from the answers to `_aim`'s rays."""
+    """As `open_sums`, from the answers to `_aim`'s rays."""
     ray = 0
     for i in range(len(normal)):
         r, g, b, passed_r, passed_g, passed_b, passed = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -100,10 +119,5 @@ def _shares(
                 passed_r, passed_g, passed_b = passed_r + of_r * oil, passed_g + of_g * oil, passed_b + of_b * oil
                 passed += of_r + of_g + of_b
             ray += 1
-        out[i, 0], out[i, 1] = _ratio(passed_r, r), _ratio(passed_g, g)
-        out[i, 2], out[i, 3] = _ratio(passed_b, b), _ratio(passed, r + g + b)
-
-
-@njit(cache=True, inline="always")
-def _ratio(part: float, whole: float) -> float:
-    return part / whole if whole > 0.0 else 0.0
+        out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 0, 3] = r, g, b, r + g + b
+        out[i, 1, 0], out[i, 1, 1], out[i, 1, 2], out[i, 1, 3] = passed_r, passed_g, passed_b, passed
