@@ -26,9 +26,9 @@ class Facets(NamedTuple):
     Attributes
     ----------
     levels : int
-    corner_mm, corner_normal : ndarrays of shape (F 4^levels, 3, 3)
-        About the occluder's centre; unit.
-    facing : ndarray of shape (F 4^levels, 3)
+    corner_mm, corner_normal : ndarrays of shape (F 4^levels, 3, 3), float32
+        About the occluder's centre, as rays meet them; unit.
+    facing : ndarray of shape (F 4^levels, 3), float32
         Unit normal of the flat triangle, on the side of its corners' normals.
     relief_mm : ndarray of shape (F, 3)
     bulge_mm : ndarray of shape (F,)
@@ -36,9 +36,9 @@ class Facets(NamedTuple):
     """
 
     levels: int
-    corner_mm: Float
-    corner_normal: Float
-    facing: Float
+    corner_mm: Image
+    corner_normal: Image
+    facing: Image
     relief_mm: Float
     bulge_mm: Float
 
@@ -46,14 +46,15 @@ class Facets(NamedTuple):
 def facets_of(surface: SmoothSurface, centre_mm: Float) -> Facets:
     """Gather the triangles of a smooth surface, about `centre_mm`."""
     corner = (surface.positions_mm - centre_mm)[surface.faces]
-    facing, depth_mm = np.empty((len(corner), 3)), np.empty(len(corner))
+    facing, depth_mm = np.empty((len(corner), 3), np.float32), np.empty(len(corner))
     _measure(corner, surface.corner_normal, facing, depth_mm)
     bulge_mm = surface.relief_mm.max(axis=1) + depth_mm.reshape(len(surface.relief_mm), -1).max(axis=1, initial=0)
-    return Facets(surface.levels, corner, surface.corner_normal, facing, surface.relief_mm, bulge_mm)
+    corner_mm, corner_normal = corner.astype(np.float32), surface.corner_normal.astype(np.float32)
+    return Facets(surface.levels, corner_mm, corner_normal, facing, surface.relief_mm, bulge_mm)
 
 
 @njit(cache=True)
-def _measure(corner: Float, normal: Float, facing: Float, depth: Float) -> None:
+def _measure(corner: Float, normal: Float, facing: Image, depth: Float) -> None:
     """Normals of triangles, and how deep each lies below the tangent planes at its corners."""
     for f in range(len(corner)):
         ax, ay, az = corner[f, 0, 0], corner[f, 0, 1], corner[f, 0, 2]
@@ -75,7 +76,7 @@ def _measure(corner: Float, normal: Float, facing: Float, depth: Float) -> None:
 
 
 @njit(cache=True, inline="always")
-def facet_point(corners: Float, f: int, b1: float, b2: float) -> tuple[float, float, float]:
+def facet_point(corners: Float | Image, f: int, b1: float, b2: float) -> tuple[float, float, float]:
     """Point of the flat triangle."""
     b0 = 1.0 - b1 - b2
     return (
@@ -87,7 +88,7 @@ def facet_point(corners: Float, f: int, b1: float, b2: float) -> tuple[float, fl
 
 @njit(cache=True, inline="always")
 def bulge(
-    corners: Float, normals: Float, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
+    corners: Image, normals: Image, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
 ) -> tuple[float, float, float]:
     """Offset from the facet's point to the smooth surface; only outwards, so creases are left alone.
 
