@@ -110,7 +110,7 @@ class LookFolder:
 
         def read() -> pipeline.SceneData:
             with self.timed("read"):
-                scene = read_scene(self.spec, rays=True)
+                scene = read_scene(self.spec)
             self._check_inputs()
             return scene
 

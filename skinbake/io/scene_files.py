@@ -12,7 +12,7 @@ from skinbake.pipeline import SceneData
 from skinbake.scene.spec import SceneSpec
 
 
-def read_scene(spec: SceneSpec, rays: bool = False) -> SceneData:
+def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
     """Read mesh, maps and environments of a look.
 
     Parameters
