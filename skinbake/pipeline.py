@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from skinbake.diffuse.diffuse_map import PlanLine
 from skinbake.diffuse.remember import Remember
 from skinbake.diffuse.transmission import transmit
 from skinbake.irradiance import IrradianceMap, light_texels
+from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
 from skinbake.numerics import Float
 from skinbake.profile import FitReport, GaussianSum, fit_skin
@@ -22,6 +25,7 @@ from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
 
 Say = Callable[[str], None]
+Rounded = Callable[[NDArray[np.float32]], NDArray[np.floating]]
 
 
 @dataclass(frozen=True)
@@ -33,11 +37,19 @@ class SceneData:
     mesh : SkinMesh
     maps : SkinMaps
     environments : mapping of light name to ndarray of shape (h, w, 3), linear radiance
+    building : Future of Occluder, optional
+        Of the mesh, where somebody has begun to make one.
     """
 
     mesh: SkinMesh
     maps: SkinMaps
     environments: Mapping[str, NDArray[np.float32]]
+    building: Future[Occluder] | None = None
+
+    @cached_property
+    def occluder(self) -> Occluder:
+        """What rays meet, one for the whole bake."""
+        return self.building.result() if self.building else Occluder(self.mesh)
 
 
 @dataclass(frozen=True)
@@ -64,9 +76,16 @@ def atlas_of(spec: SceneSpec, mesh: SkinMesh) -> Atlas:
 
 
 def light_skin(
-    spec: SceneSpec, scene: SceneData, atlas: Atlas, names: tuple[str, ...] | None = None
+    spec: SceneSpec,
+    scene: SceneData,
+    atlas: Atlas,
+    names: tuple[str, ...] | None = None,
+    rounded: Rounded = lambda image: image,
 ) -> tuple[IrradianceMap, ...]:
-    """Irradiance of the look's lights, or of those in `names`; a light's values do not depend on the others."""
+    """Irradiance of the look's lights, or of those in `names`; a light's values do not depend on the others.
+
+    Each is `rounded` before the next is computed.
+    """
     return light_texels(
         atlas,
         scene.mesh,
@@ -78,6 +97,8 @@ def light_skin(
         environments=scene.environments,
         seed=spec.output.seed,
         tolerance=spec.diffusion.tolerance,
+        occluder=scene.occluder,
+        rounded=rounded,
     )
 
 
@@ -124,6 +145,7 @@ def scatter(
         mean,
         terms.transmission,
         spec.diffusion.tolerance,
+        None if terms.transmission == "off" else scene.occluder,
     )
     return replace(diffused, lobes=diffused.lobes + ((through,) if through else ()), plan=(*diffused.plan, line))
 

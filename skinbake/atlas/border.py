@@ -51,7 +51,7 @@ def chart_edges(mesh: SkinMesh, uv_area: Float) -> NDArray[np.int64]:
     return np.flatnonzero(is_border)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def reach(
     corner_xy: Float,
     edges: NDArray[np.int64],

@@ -13,7 +13,7 @@ FULL = 1e-6  # round-off below which a texel counts as wholly covered
 BAND_ROWS = 32  # rows that one task owns: no two tasks write the same texel, whatever the number of threads
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Compressed lists, band by band and in ascending order, of the items whose rows low_y ... high_y meet the band."""
     bands = (height + BAND_ROWS - 1) // BAND_ROWS
@@ -77,7 +77,7 @@ def _twice_area(poly: Float, n: int) -> float:
     return total
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def cover(
     corner_xy: Float,
     mm2_per_texel: Float,

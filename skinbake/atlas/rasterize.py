@@ -80,8 +80,11 @@ def _rasterize_tile(
 
     # Faces of this tile; NaN rows keep the others (and degenerate ones) out of every band
     y = corner_xy[..., 1]
-    outside = (corner_xy[..., 0].max(axis=1) < 0) | (corner_xy[..., 0].min(axis=1) > width) | (uv_area == 0)
-    low, high = np.where(outside, np.nan, y.min(axis=1)), np.where(outside, np.nan, y.max(axis=1))
+    (left, low), (right, high) = (
+        extreme.reduce(np.moveaxis(corner_xy, 1, 0)).T for extreme in (np.minimum, np.maximum)
+    )
+    outside = (right < 0) | (left > width) | (uv_area == 0)
+    low, high = np.where(outside, np.nan, low), np.where(outside, np.nan, high)
     start, items = bin_by_band(low, high, height)
     mm2_per_texel = safe_div(mesh.face_area_mm2, np.abs(uv_area) * width * height)
     cover(corner_xy, mm2_per_texel, start, items, face_index, barycentric, coverage, area_mm2)
@@ -90,11 +93,10 @@ def _rasterize_tile(
     radius = max(float(gutter), 1.0)
     ends = y[edges // 3, edges % 3], y[edges // 3, (edges + 1) % 3]
     start, items = bin_by_band(np.minimum(*ends) - radius - 1, np.maximum(*ends) + radius + 1, height)
-    touched = coverage > 0
     reach(corner_xy, edges, start, items, radius, face_index, barycentric)
     if gutter == 0:
-        face_index[~touched] = NO_FACE
-    empty = face_index == NO_FACE
-    barycentric[empty] = 0
-    coverage[empty] = 0
+        untouched = coverage == 0
+        face_index[untouched] = NO_FACE
+        barycentric[untouched] = 0
+    coverage *= face_index != NO_FACE
     return AtlasRaster(tile, face_index, barycentric, coverage, area_mm2)

@@ -180,7 +180,7 @@ def refuse_spoilt(report: UvReport, path: str) -> None:
         raise InputError("\n".join(f"{path}: {fault}" for fault in report.faults))
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def _mark_overlaps(
     corner_xy: Float,
     drawn: NDArray[np.bool_],

@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.atlas.interpolate import interpolate
 from skinbake.atlas.raster import NO_FACE, AtlasRaster
 from skinbake.atlas.rasterize import tile_origin
+from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
@@ -40,12 +40,16 @@ def sample_map(
         values = np.zeros((*raster.shape, np.size(constant)), dtype=np.float32)
         values[raster.addressed] = np.asarray(constant, dtype=np.float32)
     else:
-        image = image.reshape(*image.shape[:2], -1)
-        image = np.ascontiguousarray(shrink(image, raster.shape), dtype=np.float32)
-        uv = interpolate(raster, mesh.corner_uv - np.asarray(tile_origin(raster.tile)))
+        image, corner_uv = fitted_map(raster, mesh, image)
         values = np.zeros((*raster.shape, image.shape[2]), dtype=np.float32)
-        _bilinear(raster.face_index, uv, image, values)
+        _read_map(raster.face_index, raster.barycentric, corner_uv, image, values)
     return values[..., 0] if flat else values
+
+
+def fitted_map(raster: AtlasRaster, mesh: SkinMesh, image: Image) -> tuple[Image, Float]:
+    """A map with no more texels than the atlas, (h, w, k), and each corner's place in the tile, (F, 3, 2)."""
+    image = image.reshape(*image.shape[:2], -1)
+    return shrink(image, raster.shape), mesh.corner_uv - np.asarray(tile_origin(raster.tile), np.float64)
 
 
 def shrink(image: Image, shape: tuple[int, int]) -> Image:
@@ -77,19 +81,36 @@ def _shrink_rows(image: Image, rows: int) -> Image:
 
 
 @njit(cache=True, parallel=True)
-def _bilinear(face_index: NDArray[np.int32], uv: Image, image: Image, out: Image) -> None:
-    height, width, channels = image.shape
+def _read_map(face_index: NDArray[np.int32], barycentric: Image, corner_uv: Float, image: Image, out: Image) -> None:
     for row in prange(out.shape[0]):
         for col in range(out.shape[1]):
-            if face_index[row, col] == NO_FACE:
+            f = face_index[row, col]
+            if f == NO_FACE:
                 continue
-            # v becomes a row the same way as in the raster: v = 1 is the top of row 0
-            x = min(max(np.float64(uv[row, col, 0]) * width - 0.5, 0.0), width - 1.0)
-            y = min(max((1.0 - np.float64(uv[row, col, 1])) * height - 0.5, 0.0), height - 1.0)
-            x0, y0 = int(x), int(y)
-            x1, y1 = min(x0 + 1, width - 1), min(y0 + 1, height - 1)
-            fx, fy = x - x0, y - y0
-            for k in range(channels):
-                top = image[y0, x0, k] * (1.0 - fx) + image[y0, x1, k] * fx
-                bottom = image[y1, x0, k] * (1.0 - fx) + image[y1, x1, k] * fx
-                out[row, col, k] = top * (1.0 - fy) + bottom * fy
+            b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+            y0, y1, fy, x0, x1, fx = place_in_map(corner_uv, f, b1, b2, image.shape[0], image.shape[1])
+            for k in range(image.shape[2]):
+                out[row, col, k] = bilinear(image, k, y0, y1, fy, x0, x1, fx)
+
+
+@njit(cache=True, inline="always")
+def place_in_map(
+    corner_uv: Float, f: int, b1: float, b2: float, height: int, width: int
+) -> tuple[int, int, float, int, int, float]:
+    """Rows and columns of a map that a place in a face lies between, each with the share of the second."""
+    b0 = 1.0 - b1 - b2
+    u = b0 * corner_uv[f, 0, 0] + b1 * corner_uv[f, 1, 0] + b2 * corner_uv[f, 2, 0]
+    v = b0 * corner_uv[f, 0, 1] + b1 * corner_uv[f, 1, 1] + b2 * corner_uv[f, 2, 1]
+    # v becomes a row the same way as in the raster: v = 1 is the top of row 0
+    x = min(max(u * width - 0.5, 0.0), width - 1.0)
+    y = min(max((1.0 - v) * height - 0.5, 0.0), height - 1.0)
+    x0, y0 = int(x), int(y)
+    return y0, min(y0 + 1, height - 1), y - y0, x0, min(x0 + 1, width - 1), x - x0
+
+
+@njit(cache=True, inline="always")
+def bilinear(image: Image, k: int, y0: int, y1: int, fy: float, x0: int, x1: int, fx: float) -> float:
+    """Channel k of a map at a `place_in_map`."""
+    top = image[y0, x0, k] * (1.0 - fx) + image[y0, x1, k] * fx
+    bottom = image[y1, x0, k] * (1.0 - fx) + image[y1, x1, k] * fx
+    return top * (1.0 - fy) + bottom * fy

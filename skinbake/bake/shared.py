@@ -10,7 +10,6 @@ import numpy as np
 
 from skinbake.atlas import Atlas, AtlasRaster
 from skinbake.io.cache import Entry
-from skinbake.io.exr import as_stored
 from skinbake.io.irradiance import plan_of_text, plan_text
 from skinbake.irradiance import IrradianceMap
 
@@ -30,16 +29,13 @@ def atlas_of_entry(entry: Entry) -> Atlas:
     return tuple(AtlasRaster(tile=tile, **arrays) for tile, arrays in sorted(tiles.items()))
 
 
-def light_entries(maps: Sequence[IrradianceMap], precision: str) -> dict[str, Entry]:
-    """Each light's irradiance and visibility, rounded as the file will hold them.
-
-    A bake taken up from files or from the cache must not differ from one made in one go.
-    """
+def light_entries(maps: Sequence[IrradianceMap]) -> dict[str, Entry]:
+    """Each light's irradiance and visibility."""
     entries: dict[str, Entry] = {name: {} for name in maps[0].lights}
     for tile in maps:
         for i, name in enumerate(tile.lights):
-            entries[name][f"{tile.tile}.rgb"] = as_stored(tile.rgb[i], precision)
-            entries[name][f"{tile.tile}.visibility"] = as_stored(tile.visibility[i][..., None], precision)[..., 0]
+            entries[name][f"{tile.tile}.rgb"] = tile.rgb[i]
+            entries[name][f"{tile.tile}.visibility"] = tile.visibility[i]
             if name in tile.plan:
                 entries[name]["plan"] = np.frombuffer(plan_text(tile.plan[name]).encode(), np.uint8)
     return entries

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from skinbake.bake.shared import atlas_entry, atlas_of_entry, light_entries, mer
 from skinbake.diffuse import DiffuseMap
 from skinbake.diffuse.memory import check_memory
 from skinbake.errors import InputError
+from skinbake.io.exr import as_stored
 from skinbake.io.irradiance import read_irradiance, write_irradiance
 from skinbake.io.lobes import as_stored_lobes, write_lobes
 from skinbake.io.manifest import NAME
@@ -70,11 +70,6 @@ class Stages(LookFolder):
         MachineError
             More memory than there is.
         """
-        if self.force or not (self.out / NAME).exists():
-            # The scene will be needed: read it while the oil layer's table is computed, which the lights' keys need
-            with ThreadPoolExecutor(1) as ahead:
-                ahead.submit(pipeline.energy_conservation, self.spec)
-                _ = self.scene
         if self.stale_lights() is not None:
             lights = len(self.spec.lights) if self.spec.output.lights == "separate" else 1
             size = self.spec.texture.size
@@ -132,12 +127,17 @@ class Stages(LookFolder):
         return result
 
     def _lights(self, names: tuple[str, ...], atlas: Atlas) -> Mapping[str, Any]:
-        """Entries of lights by name, from the cache or made."""
+        """Entries of lights by name, from the cache or made.
+
+        Rounded as the file will hold them: a bake taken up from files or from the cache must not differ from one made
+        in one go.
+        """
+        rounded = partial(as_stored, precision=self.spec.output.precision)
 
         def make(missing: tuple[str, ...]) -> dict[str, Any]:
-            made = pipeline.light_skin(self.spec, self.scene, atlas, missing)
+            made = pipeline.light_skin(self.spec, self.scene, atlas, missing, rounded)
             self.workshop.traced += missing
-            return light_entries(made, self.spec.output.precision)
+            return light_entries(made)
 
         with self.timed("irradiance"):
             if self.cache is None:

@@ -56,7 +56,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
     from skinbake.pipeline import atlas_of
     from skinbake.profile import fit_skin
 
-    scene = read_scene(spec)
+    scene = read_scene(spec, rays=False)
     atlas = atlas_of(spec, scene.mesh)
     uv = uv_report(scene.mesh, atlas)
     path = getattr(spec.skin, "path", None)

@@ -17,8 +17,7 @@ from skinbake.atlas.rasterize import tiles_of
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, PlanLine
 from skinbake.diffuse.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.shadow_origin import facet_point
-from skinbake.irradiance.smooth_surface import descend
+from skinbake.irradiance.shadow_origin import facet_point, point_of
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.scene.mesh import SkinMesh
@@ -41,6 +40,7 @@ def transmit(
     albedo_rgb: Float,
     switch: str,
     tolerance: float,
+    occluder: Occluder | None = None,
 ) -> tuple[Lobe | None, PlanLine]:
     """Transmitted light as one more lobe of weight 1, and the plan's line on it.
 
@@ -56,6 +56,8 @@ def transmit(
     switch : "auto", "on" or "off"
     tolerance : float
         `auto` keeps the term when the brightest `SEEN_SHARE` of the skin gets `WORTH` tolerances of the mean light.
+    occluder : Occluder, optional
+        Of the mesh, where somebody has one already.
 
     References
     ----------
@@ -71,7 +73,7 @@ def transmit(
     coarse = max(1, 2 ** int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0)))))
     small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
     atlas = rasterize(mesh, small, max(2, gutter // coarse), udim)
-    occluder = Occluder(mesh)
+    occluder = occluder or Occluder(mesh)
     rgb, through, reflected = {}, [], []
     for raster in atlas:
         rows, cols = np.nonzero(raster.addressed)
@@ -95,22 +97,19 @@ def transmit(
 
 def _skin(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index) -> tuple[Image, Image]:
     """Points of texels on the surface that rays meet, about the occluder's centre, and unit normals; shapes (n, 3)."""
-    fine = occluder.surface
-    corners = fine.positions_mm[fine.faces] - occluder.centre_mm
     point, normal = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
-    _place(raster.face_index, raster.barycentric, rows, cols, fine.levels, corners, mesh.corner_normal, point, normal)
+    _place(raster.face_index, raster.barycentric, rows, cols, occluder.facets, mesh.corner_normal, point, normal)
     return point, normal
 
 
 @njit(cache=True, parallel=True)
-def _place(face_index, barycentric, rows, cols, levels, corners, normals, point, normal):  # type: ignore[no-untyped-def]
+def _place(face_index, barycentric, rows, cols, facets, normals, point, normal):  # type: ignore[no-untyped-def]
     for k in prange(len(rows)):
         face, b = face_index[rows[k], cols[k]], barycentric[rows[k], cols[k]]
         x, y, z = facet_point(normals, face, np.float64(b[0]), np.float64(b[1]))
         length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
         normal[k, 0], normal[k, 1], normal[k, 2] = x / length, y / length, z / length
-        f, b1, b2 = descend(face, np.float64(b[0]), np.float64(b[1]), levels)
-        point[k, 0], point[k, 1], point[k, 2] = facet_point(corners, f, b1, b2)
+        point[k, 0], point[k, 1], point[k, 2] = point_of(facets, face, np.float64(b[0]), np.float64(b[1]))
 
 
 def _inwards(occluder: Occluder, point: Image, normal: Image) -> tuple[Image, Image]:
@@ -142,7 +141,7 @@ def far_side(
     """
     start, inward = _inwards(occluder, point, normal)
     child, in_1, in_2, distance = occluder.first_hit(start, inward)
-    levels = occluder.surface.levels
+    levels = occluder.facets.levels
     face, b1, b2 = _ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
     barycentric = np.stack([1 - b1 - b2, b1, b2], axis=1)
     uv = np.einsum("nk,nki->ni", barycentric, mesh.corner_uv[face])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from skinbake.atlas.raster import FIRST_TILE
 from skinbake.errors import InputError
 from skinbake.scene.lights import EnvironmentLight, LightSpec
 from skinbake.scene.maps import SkinMaps
-from skinbake.scene.spec import MapSpec, MapsSpec
+from skinbake.scene.spec import MapSpec, MapsSpec, NormalMapSpec
 
 Image = NDArray[np.float32]
 UDIM_MARK = "<UDIM>"
@@ -35,26 +36,31 @@ def read_maps(spec: MapsSpec, tiles: Sequence[int] = (FIRST_TILE,)) -> SkinMaps:
     InputError
         A map is missing, cannot be read, is not finite or leaves its range; the message names file and texel.
     """
-    maps: dict[str, Any] = {"albedo_rgb": spec.albedo_rgb}
-    if spec.albedo is not None:
-        maps["albedo"] = {
-            tile: _within(path, read_map(path, 3, "auto", spec.albedo.color_space), 0.0, 1.0)
-            for tile, path in _files(spec.albedo, tiles)
+    readers: dict[str, Callable[[Any, Path], Image]] = {
+        "albedo": _read_albedo, "normal": _read_normal, "roughness": _read_factor, "specular": _read_factor
+    }  # fmt: skip
+    with ThreadPoolExecutor(2) as pool:  # a picture is inflated without the interpreter's lock
+        jobs = {
+            name: {tile: pool.submit(read, of, path) for tile, path in _files(of, tiles)}
+            for name, read in readers.items()
+            if (of := getattr(spec, name)) is not None
         }
+        maps: dict[str, Any] = {name: {tile: job.result() for tile, job in of.items()} for name, of in jobs.items()}
     if spec.normal is not None:
-        maps["normal_space"], maps["normal_strength"] = spec.normal.space, spec.normal.strength
-        maps["normal"] = {
-            tile: _as_normals(read_map(path, 3, "linear", spec.normal.color_space), spec.normal.green)
-            for tile, path in _files(spec.normal, tiles)
-        }
-    for name in ("roughness", "specular"):
-        of = getattr(spec, name)
-        if of is not None:
-            maps[name] = {
-                tile: _within(path, read_map(path, 1, "linear", of.color_space), 0.0, 1.0)[..., 0]
-                for tile, path in _files(of, tiles)
-            }
-    return SkinMaps(**maps)
+        maps |= {"normal_space": spec.normal.space, "normal_strength": spec.normal.strength}
+    return SkinMaps(albedo_rgb=spec.albedo_rgb, **maps)
+
+
+def _read_albedo(of: MapSpec, path: Path) -> Image:
+    return _within(path, read_map(path, 3, "auto", of.color_space), 0.0, 1.0)
+
+
+def _read_normal(of: NormalMapSpec, path: Path) -> Image:
+    return _as_normals(read_map(path, 3, "linear", of.color_space), of.green)
+
+
+def _read_factor(of: MapSpec, path: Path) -> Image:
+    return _within(path, read_map(path, 1, "linear", of.color_space), 0.0, 1.0)[..., 0]
 
 
 def read_environments(lights: Iterable[LightSpec]) -> dict[str, Image]:
@@ -101,9 +107,9 @@ def read_map(path: Path | str, channels: int, assume: str = "auto", color_space:
         _refuse_non_finite(path, values)
 
     colours = values[..., : 3 if values.shape[2] >= 3 else 1]
-    if channels == 1:
+    if channels == 1 and colours.shape[2] == 3:
         return colours.mean(axis=2, keepdims=True, dtype=np.float32)
-    return np.ascontiguousarray(np.repeat(colours, 3, axis=2) if colours.shape[2] == 1 else colours)
+    return np.ascontiguousarray(np.repeat(colours, 3, axis=2) if colours.shape[2] < channels else colours)
 
 
 def srgb_to_linear(encoded: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -169,23 +175,27 @@ def _decode(pixels: NDArray[Any], color_space: str) -> Image:
 
 
 def _as_normals(values: Image, green: str) -> Image:
-    """0 ... 1 to -1 ... 1, unless the file is signed already; green up."""
-    normals = values if values.min() < 0 else 2 * values - 1
+    """0 ... 1 to -1 ... 1, in place, unless the file is signed already; green up."""
+    if values.min() >= 0:
+        values *= 2
+        values -= 1
     if green == "directx":
-        normals[..., 1] *= -1
-    return normals
+        values[..., 1] *= -1
+    return values
 
 
 def _within(path: Path, values: Image, low: float, high: float) -> Image:
-    bad = (values < low - RINGING) | (values > high + RINGING)
-    if bad.any():
+    """Clamp in place what rings, refuse what is further out."""
+    least, most = low - RINGING, high + RINGING
+    if values.min() < least or values.max() > most:
+        bad = (values < least) | (values > most)
         row, col, channel = np.argwhere(bad)[0]
         expected = f"values from {low:g} to {high:g}" if np.isfinite(high) else f"values >= {low:g}"
         raise InputError(
             f"{path}: expected {expected}, got {values[row, col, channel]:g} at column {col}, row {row}"
             f" ({np.count_nonzero(bad)} in all)"
         )
-    return np.clip(values, low, high)
+    return np.clip(values, low, high, out=values)
 
 
 def _refuse_non_finite(path: Path, pixels: NDArray[Any]) -> None:

@@ -74,11 +74,11 @@ def read_mesh(
         corner_uv[..., 1] = 1 - corner_uv[..., 1]
 
     positions, faces = _weld(positions, faces)
-    smooth = smooth_vertex_normals(positions, faces)[faces]
-    given = np.concatenate([np.zeros((len(f), 3, 3)) if n is None else n[f] for _, f, _, n in parts])
-    given = normalized(given)
-    missing = ~given.any(axis=2, keepdims=True)
-    mesh = SkinMesh(positions, faces, corner_uv, np.where(missing, smooth, given))
+    normal = normalized(np.concatenate([np.zeros((len(f), 3, 3)) if n is None else n[f] for _, f, _, n in parts]))
+    missing = ~normal.any(axis=2)
+    if missing.any():
+        normal[missing] = smooth_vertex_normals(positions, faces)[faces[missing]]
+    mesh = SkinMesh(positions, faces, corner_uv, normal)
     return unwrap_mesh(mesh) if unwrap == "xatlas" and not has_uvs else mesh
 
 
@@ -190,12 +190,14 @@ def _check_positions(path: Path, positions: Float) -> None:
 
 def _weld(positions: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArray[np.int32]]:
     """One vertex for each position, in the order of first use; adding 0.0 makes -0 equal 0."""
-    used, first, inverse = np.unique(positions[faces.ravel()] + 0.0, axis=0, return_index=True, return_inverse=True)
-    rank = np.empty(len(used), dtype=np.int32)
-    rank[np.argsort(first, kind="stable")] = np.arange(len(used), dtype=np.int32)
-    welded = np.empty_like(used)
-    welded[rank] = used
-    return welded, rank[inverse.ravel()].reshape(faces.shape)
+    corner = positions[faces.ravel()] + 0.0
+    # By pairs of numbers, x and y, then those and z: rows sort ten times slower
+    _, column = np.unique(corner[:, 0] + 1j * corner[:, 1], return_inverse=True)
+    _, first, inverse = np.unique(column + 1j * corner[:, 2], return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty(len(order), dtype=np.int32)
+    rank[order] = np.arange(len(order), dtype=np.int32)
+    return corner[first[order]], rank[inverse].reshape(faces.shape)
 
 
 def _check_size(path: Path, positions: Float, mm_per_unit: float) -> None:

@@ -7,12 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 from skinbake.atlas import tiles_of
 from skinbake.io.image import read_environments, read_maps
 from skinbake.io.mesh import read_mesh
+from skinbake.irradiance.occluder import Occluder
 from skinbake.pipeline import SceneData
 from skinbake.scene.spec import SceneSpec
 
 
-def read_scene(spec: SceneSpec) -> SceneData:
+def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
     """Read mesh, maps and environments of a look.
+
+    Parameters
+    ----------
+    rays : bool
+        Begin to build what rays meet, on a thread that goes on while others read and rasterise.
 
     Raises
     ------
@@ -29,5 +35,8 @@ def read_scene(spec: SceneSpec) -> SceneData:
             unwrap=spec.texture.unwrap,
             any_size=spec.mesh.any_size,
         )
+        builder = ThreadPoolExecutor(1)
+        building = builder.submit(Occluder, mesh) if rays else None
+        builder.shutdown(wait=False)
         of_tiles = maps.result() if maps else read_maps(spec.maps, tiles_of(mesh, spec.texture.udim))
-        return SceneData(mesh, of_tiles, environments.result())
+        return SceneData(mesh, of_tiles, environments.result(), building)

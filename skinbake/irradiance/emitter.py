@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
 from skinbake.irradiance.oil_albedo import albedo_at
+from skinbake.irradiance.shadow_origin import Facets, point_of
 from skinbake.numerics import Float, normalized
 from skinbake.scene.lights import DirectionalLight, LightSpec, PointLight, SpotLight
 
@@ -70,7 +71,8 @@ def soften(cos_mapped: float, cos_smooth: float) -> float:
 def unshadowed(
     source: Float,
     face_index: NDArray[np.int32],
-    point: Image,
+    barycentric: Image,
+    facets: Facets,
     normal: Image,
     smooth: Image,
     roughness: Image,
@@ -94,11 +96,15 @@ def unshadowed(
         for col in range(width):
             arriving[row, col] = 0.0
             facing[row, col] = False
-            if face_index[row, col] == NO_FACE:
+            face = face_index[row, col]
+            if face == NO_FACE:
                 continue
-            lx, ly, lz, _, reach = towards(
-                source, np.float64(point[row, col, 0]), np.float64(point[row, col, 1]), np.float64(point[row, col, 2])
-            )
+            px, py, pz = 0.0, 0.0, 0.0
+            if source[0] != DIRECTIONAL:
+                px, py, pz = point_of(
+                    facets, face, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+                )
+            lx, ly, lz, _, reach = towards(source, px, py, pz)
             nx, ny, nz = normal[row, col, 0], normal[row, col, 1], normal[row, col, 2]
             sx, sy, sz = smooth[row, col, 0], smooth[row, col, 1], smooth[row, col, 2]
             cos_mapped = nx * lx + ny * ly + nz * lz

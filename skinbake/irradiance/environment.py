@@ -16,13 +16,14 @@ from skinbake.numerics import Float
 Image = NDArray[np.float32]
 LATTICE_MM = 4.0  # between the first texels traced: ambient light varies over what shades it, not over texels
 CLOSE = 4  # of the lattice: within a millimetre, texels beside a chart's border go by the neighbours they have
+ROWS = 64  # of irradiance in memory at a time
 FEWEST = 256  # directions behind the oil's share where no shadows are traced
 
 
 def light_environment(
-    surface: TexelSurface, occluder: Occluder, plan: EnvironmentPlan, table: Float, f0: float
-) -> tuple[Image, Image]:
-    """Irradiance (H, W, 3) and unshadowed share (H, W).
+    surface: TexelSurface, occluder: Occluder, plan: EnvironmentPlan, table: Float, f0: float, out: Image
+) -> None:
+    """Irradiance and unshadowed share, written to `out` (H, W, 4).
 
     Irradiance without shadows is the plan's: harmonics, or a table over all normals integrated exactly. Shadows
     multiply it by the share that the plan's directions find open, drawn in proportion to radiance and the same for
@@ -35,23 +36,24 @@ def light_environment(
         Of the oil's albedo; of size 0 where the oil takes nothing off.
     """
     addressed = surface.raster.addressed
-    irradiance = plan.unshadowed(surface.normal, addressed)
-    if not plan.samples and not table.size:
-        return irradiance, addressed.astype(np.float32)
+    if plan.samples or table.size:
+        directions, weights = plan.sky.draw(plan.samples or FEWEST, plan.offset)
+        normal = surface.smooth_normal.reshape(-1, 3)
+        roughness = np.broadcast_to(surface.roughness, addressed.shape).reshape(-1)
+        strength = np.broadcast_to(surface.strength, addressed.shape).reshape(-1)
+        barrier = occluder if plan.samples else None
 
-    directions, weights = plan.sky.draw(plan.samples or FEWEST, plan.offset)
-    origin, normal = surface.origin.reshape(-1, 3), surface.smooth_normal.reshape(-1, 3)
-    roughness = np.broadcast_to(surface.roughness, addressed.shape).reshape(-1)
-    strength = np.broadcast_to(surface.strength, addressed.shape).reshape(-1)
-    barrier = occluder if plan.samples else None
+        def trace(texels: NDArray[np.int64]) -> Image:
+            oil = (roughness[texels], strength[texels], table, f0) if table.size else None
+            return open_shares(surface.origins(texels), normal[texels], directions, weights, barrier, oil)
 
-    def trace(texels: NDArray[np.int64]) -> Image:
-        oil = (roughness[texels], strength[texels], table, f0) if table.size else None
-        return open_shares(origin[texels], normal[texels], directions, weights, barrier, oil)
-
-    coarsest = lattice(surface.raster)
-    share = refine(addressed, surface.smooth_normal, 4, trace, plan.variation, coarsest, coarsest // CLOSE)
-    return irradiance * share[..., :3], np.ascontiguousarray(share[..., 3])
+        coarsest = lattice(surface.raster)
+        refine(addressed, surface.smooth_normal, 4, trace, plan.variation, coarsest, coarsest // CLOSE, out)
+    else:
+        out[...] = addressed[..., None]
+    for start in range(0, len(out), ROWS):  # in strips, rather than another image
+        rows = slice(start, start + ROWS)
+        out[rows, :, :3] *= plan.unshadowed(surface.normal[rows], addressed[rows])
 
 
 def lattice(raster: AtlasRaster) -> int:

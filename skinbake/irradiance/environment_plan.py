@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.environment_map import SkySamples, cosine_irradiance, irradiance_table, look_up
-from skinbake.irradiance.environment_share import open_shares
+from skinbake.irradiance.environment_share import open_shares, open_sums, shares_of
 from skinbake.irradiance.harmonics import harmonic_matrix, light_by_harmonics
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.surface import scattered_origins
@@ -145,11 +145,19 @@ def _fewest_samples(
     if without <= limit and not must:
         return 0, f"{shadows}, no more than {limit:.2%}"
     origin, normal, base = (np.ascontiguousarray(values[::POINTS_EACH]) for values in (origin, normal, base))
-    before, samples = "", FEWEST
+
+    def more(shift: float, before: int, count: int) -> Float:
+        directions, weights = sky.draw(count, shift)
+        return open_sums(origin, normal, directions[before:], count * weights[before:], occluder)
+
+    before, traced, samples = "", 0, FEWEST
+    found = reference = np.zeros((len(origin), 2, 4))
     while True:
-        found = base * open_shares(origin, normal, *sky.draw(samples, offset), occluder)[:, :3]
-        reference = open_shares(origin, normal, *sky.draw(4 * samples, (offset + 0.5) % 1), occluder)[:, :3]
-        error = _relative(found, base * reference) / np.sqrt(1 + 1 / 8)
+        # A longer sequence begins as the shorter one: only the rest is traced
+        found = found + more(offset, traced, samples)
+        reference = reference + more((offset + 0.5) % 1, 4 * traced, 4 * samples)
+        difference = _relative(base * shares_of(found)[:, :3], base * shares_of(reference)[:, :3])
+        error, traced = difference / np.sqrt(1 + 1 / 8), samples
         if error <= limit or samples == MOST:
             verdict = "within" if error <= limit else "the most there are, above"
             return samples, f"{shadows}; {samples} directions are off by {error:.2%}{before}, {verdict} {limit:.2%}"

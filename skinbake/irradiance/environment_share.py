@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
-from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.occluder import Occluder, spread
 from skinbake.irradiance.oil_albedo import albedo_at
-from skinbake.numerics import Float
+from skinbake.numerics import Float, safe_div
 
 Image = NDArray[np.float32]
-CHUNK = 1 << 20  # rays in memory at a time
+RAYS = 1 << 16  # that a thread has in memory at a time
 NO_OIL = np.zeros((0, 0, 2))  # in place of the table of the oil's albedo
 
 
@@ -23,7 +23,26 @@ def open_shares(
     occluder: Occluder | None,
     oil: tuple[Image, Image, Float, float] | None = None,
 ) -> Image:
-    """Share of each channel that arrives and passes the oil, and of the mean of the channels that arrives, (n, 4).
+    """Share of each channel that arrives and passes the oil, and of the mean of the channels that arrives, (n, 4)."""
+    return shares_of(open_sums(origin, normal, directions, weights, occluder, oil))
+
+
+def shares_of(sums: Float) -> Image:
+    """What arrives over what is sent, of `open_sums`."""
+    return safe_div(sums[:, 1], sums[:, 0]).astype(np.float32)
+
+
+def open_sums(
+    origin: Image,
+    normal: Image,
+    directions: Image,
+    weights: Image,
+    occluder: Occluder | None,
+    oil: tuple[Image, Image, Float, float] | None = None,
+) -> Float:
+    """What directions send to points by the cosine, and what of it arrives, both R, G, B and their sum: (n, 2, 4).
+
+    What passes the oil is counted in R, G, B of what arrives, not in their sum.
 
     Parameters
     ----------
@@ -37,59 +56,42 @@ def open_shares(
     """
     zero = np.zeros(len(origin), np.float32)
     roughness, strength, table, f0 = oil or (zero, zero, NO_OIL, 0.0)
-    out = np.empty((len(origin), 4), np.float32)
-    step = max(1, CHUNK // len(directions))
-    for start in range(0, len(origin), step):
-        part = slice(start, start + step)
-        bounds, sample = _above(normal[part], directions)
-        clear = np.ones(len(sample), np.bool_)
+    directions, weights = np.ascontiguousarray(directions.T), np.ascontiguousarray(weights.T)
+    out = np.empty((len(origin), 2, 4))
+
+    def add_up(part: slice) -> None:
+        starts, rays = (np.empty((len(out[part]) * directions.shape[1], 3), np.float32) for _ in range(2))
+        count = _aim(origin[part], normal[part], directions, starts, rays)
+        clear = np.ones(count, np.bool_)
         if occluder is not None:
-            starts, rays = np.empty((len(sample), 3), np.float32), np.empty((len(sample), 3), np.float32)
-            _aim(bounds, sample, origin[part], directions, starts, rays)
-            clear = ~occluder.occluded(starts, rays, np.full(len(sample), np.inf, np.float32))
-        _shares(
-            bounds, sample, clear, normal[part], directions, weights, roughness[part], strength[part], table, f0,
-            out[part],
-        )  # fmt: skip
+            clear = ~occluder.occluded(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
+        _sum(clear, normal[part], directions, weights, roughness[part], strength[part], table, f0, out[part])
+
+    spread(add_up, len(origin), max(1, RAYS // directions.shape[1]))
     return out
 
 
-@njit(cache=True, parallel=True)
-def _above(normal: Image, directions: Image) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Directions above each texel's horizon, as compressed lists."""
-    count = np.zeros(len(normal) + 1, dtype=np.int64)
-    for i in prange(len(normal)):
-        for s in range(len(directions)):
-            c = normal[i, 0] * directions[s, 0] + normal[i, 1] * directions[s, 1] + normal[i, 2] * directions[s, 2]
-            if c > 0.0:
-                count[i + 1] += 1
-    bounds = np.cumsum(count)
-    sample = np.empty(bounds[-1], dtype=np.int32)
-    for i in prange(len(normal)):
-        k = bounds[i]
-        for s in range(len(directions)):
-            c = normal[i, 0] * directions[s, 0] + normal[i, 1] * directions[s, 1] + normal[i, 2] * directions[s, 2]
-            if c > 0.0:
-                sample[k] = s
-                k += 1
-    return bounds, sample
+@njit(cache=True, inline="always")
+def _cosine(normal: Image, i: int, directions: Image, s: int) -> float:
+    return normal[i, 0] * directions[0, s] + normal[i, 1] * directions[1, s] + normal[i, 2] * directions[2, s]
 
 
-@njit(cache=True, parallel=True)
-def _aim(
-    bounds: NDArray[np.int64], sample: NDArray[np.int32], origin: Image, directions: Image, starts: Image, rays: Image
-) -> None:
-    for i in prange(len(origin)):
-        for k in range(bounds[i], bounds[i + 1]):
-            for axis in range(3):
-                starts[k, axis] = origin[i, axis]
-                rays[k, axis] = directions[sample[k], axis]
+@njit(cache=True, nogil=True)
+def _aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: Image) -> int:
+    """Rays from each point to the directions above its horizon, point after point; how many there are."""
+    count = 0
+    for i in range(len(origin)):
+        for s in range(directions.shape[1]):
+            if _cosine(normal, i, directions, s) > 0.0:
+                for axis in range(3):
+                    starts[count, axis] = origin[i, axis]
+                    rays[count, axis] = directions[axis, s]
+                count += 1
+    return count
 
 
-@njit(cache=True, parallel=True)
-def _shares(
-    bounds: NDArray[np.int64],
-    sample: NDArray[np.int32],
+@njit(cache=True, nogil=True)
+def _sum(
     clear: NDArray[np.bool_],
     normal: Image,
     directions: Image,
@@ -98,23 +100,24 @@ def _shares(
     strength: Image,
     table: Float,
     f0: float,
-    out: Image,
+    out: Float,
 ) -> None:
-    """As `open_shares`, from the rays' answers."""
-    for i in prange(len(normal)):
-        sent, passed = np.zeros(4), np.zeros(4)
-        for j in range(bounds[i], bounds[i + 1]):
-            s = sample[j]
-            cosine = np.float64(normal[i, 0]) * directions[s, 0]
-            cosine += np.float64(normal[i, 1]) * directions[s, 1] + np.float64(normal[i, 2]) * directions[s, 2]
-            oil = 1.0
-            if table.size > 0:
-                oil = min(max(1.0 - strength[i] * albedo_at(table, cosine, roughness[i], f0), 0.0), 1.0)
-            for k in range(3):
-                sent[k] += cosine * weights[s, k]
-                sent[3] += cosine * weights[s, k]
-                if clear[j]:
-                    passed[k] += cosine * weights[s, k] * oil
-                    passed[3] += cosine * weights[s, k]
-        for k in range(4):
-            out[i, k] = passed[k] / sent[k] if sent[k] > 0.0 else 0.0
+    """As `open_sums`, from the answers to `_aim`'s rays."""
+    ray = 0
+    for i in range(len(normal)):
+        r, g, b, passed_r, passed_g, passed_b, passed = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for s in range(directions.shape[1]):
+            cosine = _cosine(normal, i, directions, s)
+            if not cosine > 0.0:
+                continue
+            of_r, of_g, of_b = cosine * weights[0, s], cosine * weights[1, s], cosine * weights[2, s]
+            r, g, b = r + of_r, g + of_g, b + of_b
+            if clear[ray]:
+                oil = 1.0
+                if table.size > 0:
+                    oil = min(max(1.0 - strength[i] * albedo_at(table, cosine, roughness[i], f0), 0.0), 1.0)
+                passed_r, passed_g, passed_b = passed_r + of_r * oil, passed_g + of_g * oil, passed_b + of_b * oil
+                passed += of_r + of_g + of_b
+            ray += 1
+        out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 0, 3] = r, g, b, r + g + b
+        out[i, 1, 0], out[i, 1, 1], out[i, 1, 2], out[i, 1, 3] = passed_r, passed_g, passed_b, passed

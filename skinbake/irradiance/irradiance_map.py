@@ -20,10 +20,10 @@ class IrradianceMap:
     tile : int
     lights : tuple of str
         Names, in the order of the look.
-    rgb : ndarray of shape (L, H, W, 3), float32
+    rgb : ndarray of shape (L, H, W, 3), float32, or float16 where that is how it is stored
         Irradiance of each light, W/m^2-like, linear Rec.709; includes shadowing and, where the look says so,
         rho_dt(N.L) of the oil layer.
-    visibility : ndarray of shape (L, H, W), float32
+    visibility : ndarray of shape (L, H, W), the same
         Unshadowed share of each light, 0 ... 1; shadows the specular in the preview.
     coverage : ndarray of shape (H, W), float32
         Of the atlas.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numba import njit, prange
@@ -38,6 +38,8 @@ def light_texels(
     environments: Mapping[str, Image] | None = None,
     seed: int = 0,
     tolerance: float = 0.01,
+    occluder: Occluder | None = None,
+    rounded: Callable[[Image], NDArray[np.floating]] = lambda image: image,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of each light at each texel, one map a tile.
 
@@ -59,9 +61,13 @@ def light_texels(
         Of the samples of area and environment lights.
     tolerance : float
         Rms error of an environment's light, by which its plan is made.
+    occluder : Occluder, optional
+        Of the mesh, where somebody has one already.
+    rounded : callable
+        Makes of a light's (H, W, 4), irradiance and unshadowed share, what is kept of it, before the next is computed
+        in its place: with halves, the floats of one light only are in memory.
     """
-    specular = specular or SpecularSpec()
-    occluder = Occluder(mesh)
+    specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
     table = np.array(specular_albedo_table()) if energy_conservation else np.zeros((0, 0, 2))
     height, width = atlas[0].shape
@@ -73,21 +79,25 @@ def light_texels(
         if isinstance(light, EnvironmentLight)
     }
     plan = {name: sky.lines for name, sky in skies.items()}
+    names = tuple(light.name for light in lights)
     maps_out = []
     for raster in atlas:
         surface = texel_surface(raster, mesh, maps, specular, occluder)
-        rgb = np.empty((len(lights), *raster.shape, 3), np.float32)
-        seen = np.empty((len(lights), *raster.shape), np.float32)
-        for i, light in enumerate(lights):
+        found = []
+        lit = np.empty((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
+        for light in lights:
             casts = shadows if light.shadows is None else light.shadows
             if isinstance(light, RectangleLight):
-                arriving, seen[i] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
-                rgb[i] = arriving[..., None] * np.asarray(light.radiance, np.float32)
+                arriving, lit[..., 3] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
+                np.multiply(arriving[..., None], np.asarray(light.radiance, np.float32), out=lit[..., :3])
             elif isinstance(light, EnvironmentLight):
-                rgb[i], seen[i] = light_environment(surface, occluder, skies[light.name], table, specular.f0)
+                light_environment(surface, occluder, skies[light.name], table, specular.f0, lit)
             else:
-                _light_one(surface, occluder, light, casts, table, specular.f0, rgb[i], seen[i])
-        names = tuple(light.name for light in lights)
+                _light_one(surface, occluder, light, casts, table, specular.f0, lit)
+            kept = rounded(lit)
+            found.append(lit.copy() if kept is lit else kept)
+        del surface, lit
+        rgb, seen = np.stack([kept[..., :3] for kept in found]), np.stack([kept[..., 3] for kept in found])
         maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
     return tuple(maps_out)
 
@@ -99,16 +109,16 @@ def _light_one(
     casts: bool,
     table: Float,
     f0: float,
-    rgb: Image,
-    seen: Image,
+    out: Image,
 ) -> None:
-    """One light of one direction, written into `rgb` (H, W, 3) and `seen` (H, W)."""
+    """One light of one direction, irradiance and unshadowed share, written to `out` (H, W, 4)."""
     source = emitter(light, occluder.centre_mm)
-    arriving, facing = np.empty(seen.shape, np.float32), np.empty(seen.shape, np.bool_)
+    arriving, facing = np.empty(out.shape[:2], np.float32), np.empty(out.shape[:2], np.bool_)
     unshadowed(
         source,
         surface.raster.face_index,
-        surface.point,
+        surface.raster.barycentric,
+        surface.facets,
         surface.normal,
         surface.smooth_normal,
         surface.roughness,
@@ -118,14 +128,15 @@ def _light_one(
         arriving,
         facing,
     )
-    seen[...] = visibility(surface, occluder, source, facing) if casts else facing
-    _colour(arriving, seen, colour(light), rgb)
+    seen = visibility(surface, occluder, source, facing) if casts else facing.astype(np.float32)
+    _colour(arriving, seen, colour(light), out)
 
 
 @njit(cache=True, parallel=True)
-def _colour(arriving: Image, seen: Image, light_rgb: Float, rgb: Image) -> None:
+def _colour(arriving: Image, seen: Image, light_rgb: Float, out: Image) -> None:
     for row in prange(arriving.shape[0]):
         for col in range(arriving.shape[1]):
             value = np.float64(arriving[row, col]) * np.float64(seen[row, col])
             for k in range(3):
-                rgb[row, col, k] = value * light_rgb[k]
+                out[row, col, k] = value * light_rgb[k]
+            out[row, col, 3] = seen[row, col]

@@ -6,8 +6,10 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, interpolate, sample_map, signed_uv_area, uv_jacobian
+from skinbake.atlas import AtlasRaster, sample_map, signed_uv_area, uv_jacobian
 from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.sample import bilinear, fitted_map, place_in_map
+from skinbake.irradiance.shadow_origin import facet_point
 from skinbake.numerics import Float, normalized
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -15,25 +17,31 @@ from skinbake.scene.mesh import SkinMesh
 Image = NDArray[np.float32]
 
 
-def mapped_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps, smooth: Image) -> Image:
-    """Unit shading normals, shape (H, W, 3); `smooth` itself where the tile has no normal map.
-
-    Parameters
-    ----------
-    smooth : ndarray of shape (H, W, 3)
-        Unit interpolated normals.
-    """
+def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tuple[Image, Image]:
+    """Unit normals without and with the normal map, (H, W, 3); the same array where the tile has none."""
+    smooth = np.zeros((*raster.shape, 3), np.float32)
+    _interpolate_unit(raster.face_index, raster.barycentric, mesh.corner_normal, smooth)
     if raster.tile not in maps.normal or (maps.normal_strength == 0 and maps.normal_space == "tangent"):
-        return smooth
-    values = sample_map(raster, mesh, maps.normal, (0.0, 0.0, 1.0))
+        return smooth, smooth
     if maps.normal_space == "object":
+        values = sample_map(raster, mesh, maps.normal, (0.0, 0.0, 1.0))
         length = np.sqrt(np.einsum("hwi,hwi->hw", values, values))[..., None]
-        return np.where(length > 0, values / np.where(length > 0, length, np.float32(1)), smooth)
-    tangent = interpolate(raster, corner_tangents(mesh))
+        return smooth, np.where(length > 0, values / np.where(length > 0, length, np.float32(1)), smooth)
+    image, corner_uv = fitted_map(raster, mesh, maps.normal[raster.tile])
     handedness = np.where(signed_uv_area(mesh) < 0, -1.0, 1.0)
-    out = np.zeros_like(smooth)
-    _tilt(raster.face_index, smooth, tangent, handedness, values, float(maps.normal_strength), out)
-    return out
+    mapped = np.zeros_like(smooth)
+    _tilt(
+        raster.face_index,
+        raster.barycentric,
+        smooth,
+        corner_tangents(mesh),
+        handedness,
+        corner_uv,
+        image,
+        float(maps.normal_strength),
+        mapped,
+    )
+    return smooth, mapped
 
 
 def corner_tangents(mesh: SkinMesh) -> Float:
@@ -43,34 +51,51 @@ def corner_tangents(mesh: SkinMesh) -> Float:
     map does not show the triangles; seams and mirrored charts stay apart.
     """
     p_u = normalized(uv_jacobian(mesh)[:, 0])
-    side = (signed_uv_area(mesh) < 0).astype(np.float64)
-    key = np.concatenate(
-        [mesh.faces[..., None], mesh.corner_uv, np.broadcast_to(side[:, None, None], (len(side), 3, 1))], 2
-    )
-    _, owner = np.unique(key.reshape(-1, 4), axis=0, return_inverse=True)
+    vertex, count = mesh.faces.ravel(), len(mesh.positions_mm)
+    key = np.column_stack([mesh.corner_uv.reshape(-1, 2), np.repeat(signed_uv_area(mesh) < 0, 3)])
+    # Most corners are like the first one of their vertex: only those that are not need sorting
+    first = np.zeros(count, np.int64)
+    first[vertex[::-1]] = np.arange(len(vertex))[::-1]
+    apart = np.flatnonzero((key != key[first[vertex]]).any(axis=1))
+    owner = vertex.astype(np.int64)
+    rows = np.column_stack([owner[apart], key[apart]])
+    owner[apart] = count + np.unique(rows, axis=0, return_inverse=True)[1].ravel()
     p = mesh.corner_position_mm
     to_next, to_last = normalized(np.roll(p, -1, axis=1) - p), normalized(np.roll(p, 1, axis=1) - p)
     angle = np.arccos(np.clip((to_next * to_last).sum(-1), -1, 1)).ravel()
     weighted = np.repeat(p_u, 3, axis=0) * angle[:, None]
-    owner = owner.ravel()
     summed = np.stack([np.bincount(owner, weighted[:, k]) for k in range(3)], axis=1)[owner].reshape(p.shape)
     normal = mesh.corner_normal
     return normalized(summed - normal * (normal * summed).sum(-1, keepdims=True))
 
 
 @njit(cache=True, parallel=True)
+def _interpolate_unit(face_index: NDArray[np.int32], barycentric: Image, corner: Float, out: Image) -> None:
+    for row in prange(face_index.shape[0]):
+        for col in range(face_index.shape[1]):
+            f = face_index[row, col]
+            if f == NO_FACE:
+                continue
+            x, y, z = facet_point(corner, f, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1]))
+            length = np.sqrt(x * x + y * y + z * z)
+            scale = 1.0 / length if length > 0.0 else 0.0
+            out[row, col, 0], out[row, col, 1], out[row, col, 2] = x * scale, y * scale, z * scale
+
+
+@njit(cache=True, parallel=True)
 def _tilt(
     face_index: NDArray[np.int32],
+    barycentric: Image,
     smooth: Image,
-    tangent: Image,
+    corner_tangent: Float,
     handedness: Float,
-    values: Image,
+    corner_uv: Float,
+    image: Image,
     strength: float,
     out: Image,
 ) -> None:
-    height, width = face_index.shape
-    for row in prange(height):
-        for col in range(width):
+    for row in prange(face_index.shape[0]):
+        for col in range(face_index.shape[1]):
             f = face_index[row, col]
             if f == NO_FACE:
                 continue
@@ -79,14 +104,18 @@ def _tilt(
                 np.float64(smooth[row, col, 1]),
                 np.float64(smooth[row, col, 2]),
             )
-            tx, ty, tz = tangent[row, col, 0], tangent[row, col, 1], tangent[row, col, 2]
+            b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+            tx, ty, tz = facet_point(corner_tangent, f, b1, b2)
             along = tx * nx + ty * ny + tz * nz
             tx, ty, tz = tx - along * nx, ty - along * ny, tz - along * nz
             length = np.sqrt(tx * tx + ty * ty + tz * tz)
-            x, y, z = values[row, col, 0] * strength, values[row, col, 1] * strength, values[row, col, 2]
+            y0, y1, fy, x0, x1, fx = place_in_map(corner_uv, f, b1, b2, image.shape[0], image.shape[1])
+            z = bilinear(image, 2, y0, y1, fy, x0, x1, fx)
             if length < 1e-12 or z <= 0.0:  # no frame, or an unpainted texel
                 out[row, col, 0], out[row, col, 1], out[row, col, 2] = nx, ny, nz
                 continue
+            x = strength * bilinear(image, 0, y0, y1, fy, x0, x1, fx)
+            y = strength * bilinear(image, 1, y0, y1, fy, x0, x1, fx)
             tx, ty, tz = tx / length, ty / length, tz / length
             # Growing v: n x t, turned round where the chart is mirrored
             side = handedness[f]

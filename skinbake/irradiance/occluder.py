@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.irradiance.shadow_origin import facets_of
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
-MIN_BATCH = 65536  # rays; below this a second thread costs more than it brings
+BATCH = 65536  # rays; below this a second thread costs more than it brings
 
 Vectors = NDArray[np.float32]
 
@@ -22,7 +24,7 @@ class Occluder:
 
     Attributes
     ----------
-    surface : SmoothSurface
+    facets : Facets
         What the rays meet.
     centre_mm : ndarray of shape (3,)
         All origins are given relative to it.
@@ -34,28 +36,31 @@ class Occluder:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
-        self.surface = smooth_surface(mesh)
-        low, high = self.surface.positions_mm.min(axis=0), self.surface.positions_mm.max(axis=0)
+        surface = smooth_surface(mesh)
+        low, high = surface.positions_mm.min(axis=0), surface.positions_mm.max(axis=0)
         self.centre_mm: Float = (low + high) / 2
-        positions = np.ascontiguousarray(self.surface.positions_mm - self.centre_mm, dtype=np.float32)
+        self.facets = facets_of(surface, self.centre_mm)
+        positions = np.ascontiguousarray(surface.positions_mm - self.centre_mm, dtype=np.float32)
         self.spacing_mm = float(np.spacing(np.abs(positions).max()))
         self._scene = EmbreeScene(robust=True)
-        self._triangles = TriangleMesh(self._scene, positions, self.surface.faces)
+        self._triangles = TriangleMesh(self._scene, positions, surface.faces)
         nothing = np.zeros((1, 3), np.float32)
         self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
 
     def occluded(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Whether each ray meets the mesh nearer than `reach` (in lengths of `direction`).
 
+        `direction` may be of shape (1, 3), the same for all rays.
         Each ray is a question of its own: batches and threads cannot change an answer.
         """
         answer = np.empty(len(origin), dtype=np.bool_)
 
         def ask(part: slice) -> None:
-            hit = self._scene.run(origin[part], direction[part], reach[part], query="OCCLUDED")
+            rays = direction[part] if len(direction) > 1 else direction
+            hit = self._scene.run(origin[part], rays, reach[part], query="OCCLUDED")
             np.not_equal(hit, -1, out=answer[part])
 
-        self._spread(ask, len(origin))
+        spread(ask, len(origin), BATCH)
         return answer
 
     def first_hit(
@@ -69,17 +74,21 @@ class Occluder:
             hit = self._scene.run(origin[part], direction[part], output=1)
             triangle[part], b1[part], b2[part], distance[part] = hit["primID"], hit["u"], hit["v"], hit["tfar"]
 
-        self._spread(ask, len(origin))
+        spread(ask, len(origin), BATCH)
         triangle[distance > 1e30] = -1
         return triangle, b1, b2, distance
 
-    def _spread(self, ask, count: int) -> None:  # type: ignore[no-untyped-def]
-        """Embree runs without the interpreter's lock, so plain threads share the work."""
-        threads = min(numba.get_num_threads(), max(1, count // MIN_BATCH))
-        if threads == 1:
-            if count:
-                ask(slice(0, count))
-            return
-        bounds = np.linspace(0, count, 4 * threads + 1).astype(int)
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(lambda i: ask(slice(bounds[i], bounds[i + 1])), range(4 * threads)))
+
+def spread(work: Callable[[slice], None], count: int, step: int) -> None:
+    """Have `work` done on 0 ... count in parts of `step`, on as many threads as numba has.
+
+    Embree and kernels compiled with `nogil` run without the interpreter's lock, so that plain threads can share them.
+    """
+    parts = [slice(start, min(start + step, count)) for start in range(0, count, step)]
+    threads = min(numba.get_num_threads(), len(parts))
+    if threads <= 1:
+        for part in parts:
+            work(part)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, parts))

@@ -14,6 +14,7 @@ from skinbake.irradiance.emitter import soften
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import albedo_at
 from skinbake.irradiance.refine import refine
+from skinbake.irradiance.shadow_origin import Facets, point_of
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.numerics import Float
 from skinbake.scene.lights import RectangleLight
@@ -40,14 +41,16 @@ def light_rectangle(
     """
     corner = np.asarray(light.position_mm) - occluder.centre_mm
     shape = np.array([corner, light.edge_u_mm, light.edge_v_mm], dtype=np.float64)
-    arriving = np.zeros(surface.raster.shape, np.float32)
-    facing = np.zeros(surface.raster.shape, np.bool_)
-    _contour(shape, surface.raster.face_index, surface.point, surface.normal, surface.smooth_normal, arriving, facing)
+    raster = surface.raster
+    arriving, facing = np.zeros(raster.shape, np.float32), np.zeros(raster.shape, np.bool_)
+    _contour(
+        shape, raster.face_index, raster.barycentric, surface.facets, surface.normal, surface.smooth_normal, arriving,
+        facing,
+    )  # fmt: skip
 
     grid = max(1, math.ceil(math.sqrt(light.samples or DEFAULT_SAMPLES)))
     key = np.uint64((seed * 0x9E3779B97F4A7C15 + zlib.crc32(light.name.encode())) % 2**64)
-    origin, normal = surface.origin.reshape(-1, 3), surface.normal.reshape(-1, 3)
-    smooth = surface.smooth_normal.reshape(-1, 3)
+    normal, smooth = surface.normal.reshape(-1, 3), surface.smooth_normal.reshape(-1, 3)
     roughness = np.broadcast_to(surface.roughness, facing.shape).reshape(-1)
     strength = np.broadcast_to(surface.strength, facing.shape).reshape(-1)
 
@@ -56,12 +59,13 @@ def light_rectangle(
         step = max(1, CHUNK // grid**2)
         for start in range(0, len(texels), step):
             part = texels[start : start + step]
+            origin = surface.origins(part)
             ray, reach, sent, passed = _sample(
                 shape,
                 key,
                 grid,
                 part,
-                origin[part],
+                origin,
                 normal[part],
                 smooth[part],
                 roughness[part],
@@ -71,7 +75,7 @@ def light_rectangle(
             )
             blocked = np.zeros(reach.size, np.bool_)
             if casts:
-                starts = np.repeat(origin[part], grid**2, axis=0)
+                starts = np.repeat(origin, grid**2, axis=0)
                 blocked = occluder.occluded(starts, ray.reshape(-1, 3), reach.ravel())
             clear = ~blocked.reshape(sent.shape)
             total = sent.sum(axis=1)
@@ -133,7 +137,8 @@ def rectangle_irradiance(
 def _contour(
     shape: Float,
     face_index: NDArray[np.int32],
-    point: Image,
+    barycentric: Image,
+    facets: Facets,
     normal: Image,
     smooth: Image,
     arriving: Image,
@@ -144,12 +149,11 @@ def _contour(
     for row in prange(height):
         poly, clipped = np.empty((8, 3)), np.empty((8, 3))
         for col in range(width):
-            if face_index[row, col] == NO_FACE:
+            face = face_index[row, col]
+            if face == NO_FACE:
                 continue
-            px, py, pz = (
-                np.float64(point[row, col, 0]),
-                np.float64(point[row, col, 1]),
-                np.float64(point[row, col, 2]),
+            px, py, pz = point_of(
+                facets, face, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
             )
             ahead = (
                 (px - shape[0, 0]) * out_normal[0]

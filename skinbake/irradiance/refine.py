@@ -20,6 +20,7 @@ def refine(
     tolerance: float,
     coarsest: int,
     close: int = 0,
+    out: Image | None = None,
 ) -> Image:
     """Trace a lattice of texels, then, level by level, those between that cannot be interpolated from it.
 
@@ -42,6 +43,8 @@ def refine(
         Texels between the points of the first lattice, a power of two.
     close : int
         Texels between lattice points up to which those that are there speak for those that are missing.
+    out : ndarray of shape (H, W, channels), optional
+        Where to write the result.
 
     Returns
     -------
@@ -49,7 +52,8 @@ def refine(
         Zero where not wanted.
     """
     height, width = wanted.shape
-    values = np.zeros((height, width, channels), np.float32)
+    values = np.empty((height, width, channels), np.float32) if out is None else out
+    values[...] = 0
     stride = coarsest
     rows, cols = np.nonzero(wanted[::stride, ::stride])
     texels = stride * rows * width + stride * cols

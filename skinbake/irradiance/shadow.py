@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.irradiance.emitter import aim
+from skinbake.irradiance.emitter import DIRECTIONAL, aim
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.numerics import Float
@@ -27,12 +27,11 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
     height, width = facing.shape
     lit = np.zeros((height, width), np.float32)
     flat = lit.reshape(-1)
-    origin = surface.origin.reshape(-1, 3)
 
     def trace(texels: NDArray[np.int64]) -> None:
         for start in range(0, len(texels), CHUNK):
             part = texels[start : start + CHUNK]
-            flat[part] = _clear(occluder, source, origin[part])
+            flat[part] = _clear(occluder, source, surface.origins(part))
 
     rows, cols = np.nonzero(facing[::2, ::2])
     trace(2 * rows * width + 2 * cols)
@@ -51,8 +50,11 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
 
 
 def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[np.bool_]:
-    direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
-    aim(source, origin, direction, reach)
+    if source[0] == DIRECTIONAL:
+        direction, reach = source[None, 1:4].astype(np.float32), np.full(len(origin), np.inf, np.float32)
+    else:
+        direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
+        aim(source, origin, direction, reach)
     return ~occluder.occluded(origin, direction, reach)
 
 

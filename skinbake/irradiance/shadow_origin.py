@@ -6,19 +6,77 @@ smooth surface bulges above a point of the facet; their blend is where the ray c
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
-from skinbake.irradiance.smooth_surface import descend
+from skinbake.irradiance.smooth_surface import SmoothSurface, descend
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+
+
+class Facets(NamedTuple):
+    """Triangles of the smooth surface as the kernels take them, 4^levels to each of the F faces of the mesh.
+
+    Attributes
+    ----------
+    levels : int
+    corner_mm, corner_normal : ndarrays of shape (F 4^levels, 3, 3), float32
+        About the occluder's centre, as rays meet them; unit.
+    facing : ndarray of shape (F 4^levels, 3), float32
+        Unit normal of the flat triangle, on the side of its corners' normals.
+    relief_mm : ndarray of shape (F, 3)
+    bulge_mm : ndarray of shape (F,)
+        No point of a face is further from the smooth surface.
+    """
+
+    levels: int
+    corner_mm: Image
+    corner_normal: Image
+    facing: Image
+    relief_mm: Float
+    bulge_mm: Float
+
+
+def facets_of(surface: SmoothSurface, centre_mm: Float) -> Facets:
+    """Gather the triangles of a smooth surface, about `centre_mm`."""
+    corner = (surface.positions_mm - centre_mm)[surface.faces]
+    facing, depth_mm = np.empty((len(corner), 3), np.float32), np.empty(len(corner))
+    _measure(corner, surface.corner_normal, facing, depth_mm)
+    bulge_mm = surface.relief_mm.max(axis=1) + depth_mm.reshape(len(surface.relief_mm), -1).max(axis=1, initial=0)
+    corner_mm, corner_normal = corner.astype(np.float32), surface.corner_normal.astype(np.float32)
+    return Facets(surface.levels, corner_mm, corner_normal, facing, surface.relief_mm, bulge_mm)
+
+
+@njit(cache=True)
+def _measure(corner: Float, normal: Float, facing: Image, depth: Float) -> None:
+    """Normals of triangles, and how deep each lies below the tangent planes at its corners."""
+    for f in range(len(corner)):
+        ax, ay, az = corner[f, 0, 0], corner[f, 0, 1], corner[f, 0, 2]
+        bx, by, bz = corner[f, 1, 0] - ax, corner[f, 1, 1] - ay, corner[f, 1, 2] - az
+        cx, cy, cz = corner[f, 2, 0] - ax, corner[f, 2, 1] - ay, corner[f, 2, 2] - az
+        x, y, z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        along, deepest = 0.0, 0.0
+        for k in range(3):
+            nx, ny, nz = normal[f, k, 0], normal[f, k, 1], normal[f, k, 2]
+            along += nx * x + ny * y + nz * z
+            # Heights of the corners above this one's plane
+            of_b, of_c = nx * bx + ny * by + nz * bz, nx * cx + ny * cy + nz * cz
+            own = 0.0 if k == 0 else (of_b if k == 1 else of_c)
+            deepest = max(deepest, own, own - of_b, own - of_c)
+        depth[f] = deepest
+        length = np.sqrt(x * x + y * y + z * z)
+        scale = 0.0 if length == 0.0 else (-1.0 / length if along < 0.0 else 1.0 / length)
+        facing[f, 0], facing[f, 1], facing[f, 2] = scale * x, scale * y, scale * z
 
 
 @njit(cache=True, inline="always")
-def facet_point(corners: Float, f: int, b1: float, b2: float) -> tuple[float, float, float]:
+def facet_point(corners: Float | Image, f: int, b1: float, b2: float) -> tuple[float, float, float]:
     """Point of the flat triangle."""
     b0 = 1.0 - b1 - b2
     return (
@@ -30,7 +88,7 @@ def facet_point(corners: Float, f: int, b1: float, b2: float) -> tuple[float, fl
 
 @njit(cache=True, inline="always")
 def bulge(
-    corners: Float, normals: Float, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
+    corners: Image, normals: Image, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
 ) -> tuple[float, float, float]:
     """Offset from the facet's point to the smooth surface; only outwards, so creases are left alone.
 
@@ -48,64 +106,79 @@ def bulge(
     return dx, dy, dz
 
 
-@njit(cache=True, parallel=True)
-def place(
-    face_index: NDArray[np.int32],
-    barycentric: Image,
-    levels: int,
-    corners: Float,
-    normals: Float,
-    lift: Float,
-    relief: Float,
-    point: Image,
-    start: Image,
-    offset: Image,
-) -> None:
-    """Facet points and offsets to the smooth surface of every addressed texel.
+@njit(cache=True, inline="always")
+def point_of(facets: Facets, face: int, b1: float, b2: float) -> tuple[float, float, float]:
+    """Point of the skin at a place in a face of the mesh."""
+    f, b1, b2 = descend(face, b1, b2, facets.levels)
+    return facet_point(facets.corner_mm, f, b1, b2)
+
+
+@njit(cache=True, inline="always")
+def way_up(
+    facets: Facets, step_mm: Float, face: int, b1: float, b2: float
+) -> tuple[float, float, float, float, float, float]:
+    """Start a hair above the facet at a place in a face, and the way from there to the smooth surface.
 
     Parameters
     ----------
-    levels, corners, normals : int and ndarrays of shape (F 4^levels, 3, 3)
-        Of the smooth surface: positions about the occluder's centre, and unit normals.
-    lift : ndarray of shape (F 4^levels, 3)
+    step_mm : ndarray of shape (F,)
         Step off the facet that round-off asks for.
-    relief : ndarray of shape (F, 3)
-    point, start, offset : ndarrays of shape (H, W, 3), written
-        On the facet, a hair above it, and from there to the smooth surface.
     """
-    height, width = face_index.shape
-    for row in prange(height):
-        for col in range(width):
+    rise = (1.0 - b1 - b2) * facets.relief_mm[face, 0] + b1 * facets.relief_mm[face, 1] + b2 * facets.relief_mm[face, 2]
+    f, b1, b2 = descend(face, b1, b2, facets.levels)
+    px, py, pz = facet_point(facets.corner_mm, f, b1, b2)
+    dx, dy, dz = bulge(facets.corner_mm, facets.corner_normal, rise, f, b1, b2, px, py, pz)
+    step = step_mm[face]
+    px, py, pz = px + step * facets.facing[f, 0], py + step * facets.facing[f, 1], pz + step * facets.facing[f, 2]
+    return px, py, pz, dx, dy, dz
+
+
+@njit(cache=True, parallel=True)
+def long_ways(
+    face_index: NDArray[np.int32],
+    barycentric: Image,
+    facets: Facets,
+    step_mm: Float,
+    threshold_mm: Float,
+    out: NDArray[np.bool_],
+) -> None:
+    """Texels whose way to the smooth surface is longer than `threshold_mm` (F,) of their face, written to `out`."""
+    for row in prange(face_index.shape[0]):
+        for col in range(face_index.shape[1]):
             face = face_index[row, col]
-            if face == NO_FACE:
-                continue
-            b1, b2 = float(barycentric[row, col, 0]), float(barycentric[row, col, 1])
-            rise = (1.0 - b1 - b2) * relief[face, 0] + b1 * relief[face, 1] + b2 * relief[face, 2]
-            f, b1, b2 = descend(face, b1, b2, levels)
-            px, py, pz = facet_point(corners, f, b1, b2)
-            dx, dy, dz = bulge(corners, normals, rise, f, b1, b2, px, py, pz)
-            point[row, col, 0], point[row, col, 1], point[row, col, 2] = px, py, pz
-            start[row, col, 0] = px + lift[f, 0]
-            start[row, col, 1] = py + lift[f, 1]
-            start[row, col, 2] = pz + lift[f, 2]
-            offset[row, col, 0], offset[row, col, 1], offset[row, col, 2] = dx, dy, dz
+            out[row, col] = False
+            if face != NO_FACE and facets.bulge_mm[face] > threshold_mm[face]:
+                b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+                _, _, _, dx, dy, dz = way_up(facets, step_mm, face, b1, b2)
+                out[row, col] = dx * dx + dy * dy + dz * dz > threshold_mm[face] * threshold_mm[face]
+
+
+@njit(cache=True)
+def place(
+    face: NDArray[np.int32], barycentric: Image, facets: Facets, step_mm: Float, start: Image, way: Image
+) -> None:
+    """`way_up` at n places in faces: `start` and `way`, both (n, 3), are written."""
+    for i in range(len(face)):
+        px, py, pz, dx, dy, dz = way_up(
+            facets, step_mm, face[i], np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
+        )
+        start[i, 0], start[i, 1], start[i, 2] = px, py, pz
+        way[i, 0], way[i, 1], way[i, 2] = dx, dy, dz
 
 
 @njit(cache=True, parallel=True)
 def place_inside_texels(
-    texels: NDArray[np.int64],
+    texels: Index,
     grid: int,
     face_index: NDArray[np.int32],
     barycentric: Image,
     per_texel: Float,
-    levels: int,
-    corners: Float,
-    normals: Float,
-    lift: Float,
-    relief: Float,
+    facets: Facets,
+    step_mm: Float,
     on_facet: NDArray[np.bool_],
-) -> Image:
-    """Ray origins of grid x grid points inside each listed texel, shape (len(texels), grid * grid, 3).
+    out: Image,
+) -> None:
+    """Ray origins of grid x grid points inside each listed texel, written to `out` (len(texels), grid * grid, 3).
 
     Parameters
     ----------
@@ -117,7 +190,6 @@ def place_inside_texels(
         Where the way to the smooth surface is barred.
     """
     width = face_index.shape[1]
-    out = np.empty((len(texels), grid * grid, 3), dtype=np.float32)
     for i in prange(len(texels)):
         row, col = texels[i] // width, texels[i] % width
         face = face_index[row, col]
@@ -129,13 +201,7 @@ def place_inside_texels(
             b1, b2 = min(max(b1, 0.0), 1.0), min(max(b2, 0.0), 1.0)
             if b1 + b2 > 1.0:
                 b1, b2 = b1 / (b1 + b2), b2 / (b1 + b2)
-            rise = (1.0 - b1 - b2) * relief[face, 0] + b1 * relief[face, 1] + b2 * relief[face, 2]
-            f, b1, b2 = descend(face, b1, b2, levels)
-            px, py, pz = facet_point(corners, f, b1, b2)
-            dx, dy, dz = 0.0, 0.0, 0.0
-            if not on_facet[row, col]:
-                dx, dy, dz = bulge(corners, normals, rise, f, b1, b2, px, py, pz)
-            out[i, s, 0] = px + dx + lift[f, 0]
-            out[i, s, 1] = py + dy + lift[f, 1]
-            out[i, s, 2] = pz + dz + lift[f, 2]
-    return out
+            px, py, pz, dx, dy, dz = way_up(facets, step_mm, face, b1, b2)
+            if on_facet[row, col]:
+                dx, dy, dz = 0.0, 0.0, 0.0
+            out[i, s, 0], out[i, s, 1], out[i, s, 2] = px + dx, py + dy, pz + dz

@@ -7,74 +7,64 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, sample_map
-from skinbake.irradiance.normal_map import mapped_normals
+from skinbake.atlas import AtlasRaster, face_mm_per_texel, sample_map
+from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.shadow_origin import place, place_inside_texels
+from skinbake.irradiance.shadow_origin import Facets, long_ways, place, place_inside_texels
 from skinbake.numerics import Float, normalized, safe_div
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SpecularSpec
 
 Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+GOLDEN = (1 + 5**0.5) / 2
 TEXEL_SHARE = 0.01  # of a texel, by which a ray starts above its facet
 SPACINGS = 16  # float32 spacings, the same
-GOLDEN = (1 + 5**0.5) / 2
 WORTH_CHECKING = 0.25  # of a texel: a shorter way to the smooth surface cannot cross anything
 
 
 @dataclass(frozen=True)
 class TexelSurface:
-    """The texels of one tile, positions relative to the occluder's centre.
+    """The texels of one tile.
 
     Attributes
     ----------
     raster : AtlasRaster
-    point : ndarray of shape (H, W, 3), float32
-        On the facet.
-    origin : ndarray of shape (H, W, 3), float32
-        Where shadow rays start: on the smooth surface.
     normal, smooth_normal : ndarrays of shape (H, W, 3), float32
         Unit, with and without the normal map; the same array where there is none.
     roughness, strength : ndarrays of shape (H, W) or (1, 1), float32
         Beckmann m, and rho_s times the specular map.
-    levels, corners, normals, lift : int and ndarrays by triangle of the smooth surface
-    relief, per_texel : ndarrays by face
-        For points inside a texel, see `origins_inside`.
+    facets : Facets
+        Of the occluder. Positions are computed from them where they are asked for, since most texels never are.
+    step_mm, per_texel : ndarrays by face
+        For ray origins, see `place_inside_texels`.
     on_facet : ndarray of shape (H, W), bool
         Where another surface bars the way to the smooth surface.
     """
 
     raster: AtlasRaster
-    point: Image
-    origin: Image
     normal: Image
     smooth_normal: Image
     roughness: Image
     strength: Image
-    levels: int
-    corners: Float
-    normals: Float
-    lift: Float
-    relief: Float
+    facets: Facets
+    step_mm: Float
     per_texel: Float
     on_facet: NDArray[np.bool_]
 
-    def origins_inside(self, texels: NDArray[np.int64], grid: int) -> Image:
-        """Origins of a grid of rays inside each texel (row * W + col), shape (n, grid * grid, 3)."""
-        return place_inside_texels(
-            texels,
-            grid,
-            self.raster.face_index,
-            self.raster.barycentric,
-            self.per_texel,
-            self.levels,
-            self.corners,
-            self.normals,
-            self.lift,
-            self.relief,
-            self.on_facet,
+    def origins(self, texels: Index) -> Image:
+        """Where the shadow rays of texels (row * W + col) start: on the smooth surface, shape (n, 3)."""
+        return self.origins_inside(texels, 1)[:, 0]
+
+    def origins_inside(self, texels: Index, grid: int) -> Image:
+        """Origins of a grid of rays inside each texel, shape (n, grid * grid, 3)."""
+        out = np.empty((len(texels), grid * grid, 3), np.float32)
+        face_index, barycentric = self.raster.face_index, self.raster.barycentric
+        place_inside_texels(
+            texels, grid, face_index, barycentric, self.per_texel, self.facets, self.step_mm, self.on_facet, out
         )
+        return out
 
 
 def texel_surface(
@@ -82,31 +72,19 @@ def texel_surface(
 ) -> TexelSurface:
     """Gather it once a tile; every light uses it."""
     height, width = raster.shape
-    fine = occluder.surface
-    corners, lift, texel_mm = _lifted(mesh, occluder, (width, height))
-    point, start, offset = _placed(raster.face_index, raster.barycentric, occluder, corners, lift)
-    on_facet = _barred(raster, start, offset, texel_mm, occluder)
-    offset[on_facet] = 0
-    np.add(start, offset, out=offset)
-
-    smooth = interpolate(raster, mesh.corner_normal)
-    length = np.sqrt(np.einsum("hwi,hwi->hw", smooth, smooth))[..., None]
-    np.divide(smooth, length, out=smooth, where=length > 0)
+    texel_mm = face_mm_per_texel(mesh, (width, height)).min(axis=1)
+    step_mm = _step_mm(texel_mm, occluder)
+    smooth, normal = shading_normals(raster, mesh, maps)
     return TexelSurface(
         raster,
-        point,
-        offset,
-        mapped_normals(raster, mesh, maps, smooth),
+        normal,
         smooth,
         _map_or_constant(raster, mesh, maps.roughness, specular.roughness),
         np.float32(specular.strength) * _map_or_constant(raster, mesh, maps.specular, 1.0),
-        fine.levels,
-        corners,
-        fine.corner_normal,
-        lift,
-        fine.relief_mm,
+        occluder.facets,
+        step_mm,
         _barycentrics_per_texel(mesh, width, height),
-        on_facet,
+        _barred(raster, occluder, step_mm, WORTH_CHECKING * texel_mm),
     )
 
 
@@ -120,46 +98,37 @@ def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int],
     face = np.searchsorted(total, step / count * total[-1]).clip(max=len(total) - 1).astype(np.int32)
     root, along = np.sqrt(step / GOLDEN % 1), step / GOLDEN**2 % 1
     barycentric = np.stack([root * (1 - along), root * along], axis=-1).astype(np.float32)
-    corners, lift, _ = _lifted(mesh, occluder, size)
-    _, start, offset = _placed(face[None], barycentric[None], occluder, corners, lift)
-    offset[0, occluder.occluded(start[0], offset[0], np.ones(count, np.float32))] = 0
+    start, way, barred = _ways_up(
+        face, barycentric, occluder, _step_mm(face_mm_per_texel(mesh, size).min(axis=1), occluder)
+    )
+    way[barred] = 0
     weight = np.concatenate([1 - barycentric.sum(axis=1, keepdims=True), barycentric], axis=1)
     normal = normalized(np.einsum("nk,nki->ni", weight, mesh.corner_normal[face]))
-    return start[0] + offset[0], normal.astype(np.float32)
+    return start + way, normal.astype(np.float32)
 
 
-def _placed(
-    face: NDArray[np.int32], barycentric: Image, occluder: Occluder, corners: Float, lift: Float
-) -> tuple[Image, Image, Image]:
-    """Points of the smooth surface, starts of the steps to ray origins, and those steps, each (H, W, 3)."""
-    fine = occluder.surface
-    point, start, offset = (np.zeros((*face.shape, 3), np.float32) for _ in range(3))
-    place(
-        face, barycentric, fine.levels, corners, fine.corner_normal, lift, fine.relief_mm, point, start, offset
-    )  # fmt: skip
-    return point, start, offset
+def _step_mm(texel_mm: Float, occluder: Occluder) -> Float:
+    """Step off each face that round-off asks for."""
+    return TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
 
 
-def _lifted(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int]) -> tuple[Float, Float, Float]:
-    """Corners of the smooth surface's triangles, the step off each, both (n, 3) by corner or face, and texels in mm."""
-    fine = occluder.surface
-    corners = fine.positions_mm[fine.faces] - occluder.centre_mm
-    facing = normalized(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    facing *= np.where(np.einsum("fi,fki->f", facing, fine.corner_normal) < 0, -1.0, 1.0)[:, None]
-    texel_mm = face_mm_per_texel(mesh, size).min(axis=1)
-    step_mm = TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
-    return corners, facing * np.repeat(step_mm, 4**fine.levels)[:, None], texel_mm
-
-
-def _barred(raster: AtlasRaster, start: Image, offset: Image, texel_mm: Float, occluder: Occluder) -> NDArray[np.bool_]:
-    """Where the way from the facet to the smooth surface meets another surface, as between closed lips."""
-    length = np.sqrt(np.einsum("hwi,hwi->hw", offset, offset))
-    threshold = (WORTH_CHECKING * texel_mm).astype(np.float32)[raster.face_index]
-    rows, cols = np.nonzero(raster.addressed & (length > threshold))
-    barred = np.zeros(raster.shape, np.bool_)
-    # `offset` is not scaled to length 1: a reach of 1 ends at the smooth surface
-    barred[rows, cols] = occluder.occluded(start[rows, cols], offset[rows, cols], np.ones(len(rows), np.float32))
+def _barred(raster: AtlasRaster, occluder: Occluder, step_mm: Float, threshold_mm: Float) -> NDArray[np.bool_]:
+    """Where the way from the facet to the smooth surface meets another surface, as between closed lips, (H, W)."""
+    barred = np.empty(raster.shape, np.bool_)
+    long_ways(raster.face_index, raster.barycentric, occluder.facets, step_mm, threshold_mm, barred)
+    rows, cols = np.nonzero(barred)
+    *_, barred[rows, cols] = _ways_up(raster.face_index[rows, cols], raster.barycentric[rows, cols], occluder, step_mm)
     return barred
+
+
+def _ways_up(
+    face: NDArray[np.int32], barycentric: Image, occluder: Occluder, step_mm: Float
+) -> tuple[Image, Image, NDArray[np.bool_]]:
+    """Start above the facet and way to the smooth surface at places in faces, (n, 3), and which ways are barred."""
+    start, way = np.empty((len(face), 3), np.float32), np.empty((len(face), 3), np.float32)
+    place(face, barycentric, occluder.facets, step_mm, start, way)
+    # `way` is not scaled to length 1: a reach of 1 ends at the smooth surface
+    return start, way, occluder.occluded(start, way, np.ones(len(face), np.float32))
 
 
 def _barycentrics_per_texel(mesh: SkinMesh, width: int, height: int) -> Float:

@@ -77,7 +77,7 @@ def measure(name: str, mesh: SkinMesh, size: int) -> list[dict]:
     finally:
         Occluder.occluded = original  # type: ignore[method-assign]
 
-    origin = np.ascontiguousarray(surface.origin[atlas[0].addressed][:RAYS])
+    origin = surface.origins(np.flatnonzero(atlas[0].addressed)[:RAYS])
     direction = np.broadcast_to(np.float32([0.62, 0.55, 0.56]), origin.shape).copy()
     reach = np.full(len(origin), np.inf, np.float32)
     result = [
