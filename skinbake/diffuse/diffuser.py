@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, Atlas, rasterize
 from skinbake.diffuse.gather import cut_sigma, gather
-from skinbake.diffuse.points import TexelPoints, texel_points
+from skinbake.diffuse.points import TexelPoints, copy_gutter, texel_points
 from skinbake.diffuse.probes import Probes, bilinear_texels, read_bilinear
 from skinbake.diffuse.reference import reference_integral
 from skinbake.diffuse.sources import SourceTree
@@ -241,7 +241,9 @@ class Diffuser:
         coarse = self._surface_map(variance_mm2, level + 1, spacing) if halve else None
         tiles = []
         for k, points in enumerate(self.targets(level)):
-            image = self.source[k].copy() if level == 0 else np.zeros((self.lights, *points.row.shape, 3), np.float32)
+            image = np.zeros((self.lights, *points.row.shape, 3), np.float32)
+            if level == 0:  # what lies too far beside its chart to be reached keeps its light
+                copy_gutter(points, self.source[k].reshape(self.lights, -1, 3), image.reshape(self.lights, -1, 3))
             if coarse is not None:
                 sigma = float(np.sqrt(variance_mm2))
                 points = replace(
