@@ -37,8 +37,8 @@ PEAK_SHARE = 0.003  # of the skin may be further off
 # Seconds a texel, of the two-core machine this was tuned on: only their ratios matter, nothing is timed in a bake
 _WRITE = 7e-8
 _TEXTURE = 4e-9
-_PAIR = 4e-10
-_SURFACE = 6.5e-8
+_PAIR = 2.2e-10
+_SURFACE = 2.5e-8
 _INTERPOLATE = 3e-9
 _SUMMED = (1.0, 0.7, 0.16, 0.04)  # share of texels that is not interpolated, from the first size summed on
 

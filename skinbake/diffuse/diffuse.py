@@ -91,6 +91,7 @@ def diffuse(
         plans = plan_lobes(diffuser, gaussians)
         lines = plan_lines(plans, gaussians)
 
+    tell("measuring points")
     points = [p for p, _, _ in diffuser.surface.tiles]
     probes = draw_probes(atlas, mesh, points, spec.probes, seed, VERIFY)
     made, error, by_lobe = _make(diffuser, plans, gaussians, probes, precision, tell)
@@ -143,24 +144,32 @@ def _make(
 ) -> tuple[list[Tiles], MeasuredError | None, list[MeasuredError | None]]:
     """Every lobe; the error of their sum and of each, if there are probes."""
     variances = [float(v) for v in gaussians.variance_mm2]
-    tell("measuring the error")
+    diffuser.drop_pyramids()
+    tell("measuring lobes exactly")
     exact = [diffuser.reference(v, probes) for v in variances] if len(probes) else []
     made: dict[int, Tiles] = {}
     unreduced, read = {}, {}
-    # First those that share the pyramids of the texture method, then the narrow ones, which share single texels
-    order = sorted(range(len(plans)), key=lambda i: (plans[i].method != "texture", i))
-    for i in order:
+    # What lobes share is larger than they are: first those of single texels, then those of pyramids, each let go
+    share = [
+        0 if diffuser.sums_texels(p.method, v, p.spacing) else 1 if p.method == "texture" else 2
+        for p, v in zip(plans, variances, strict=True)
+    ]
+    for i in sorted(range(len(plans)), key=share.__getitem__):
+        if share[i] > 0:
+            diffuser.drop_texels()
+        if share[i] > 1:
+            diffuser.drop_pyramids()
         plan, variance = plans[i], variances[i]
-        diffuser.keep_for(plan.method, variance, plan.spacing)
         tell(f"lobe {i}: {plan.method}")
         made[i] = diffuser.map(plan.method, variance, plan.level, plan.spacing)
         if len(probes):
+            tell(f"measuring lobe {i}")
             if plan.method == "stretch":  # has no result of its own between the texels that it was made at
                 unreduced[i] = diffuser.read(made[i], probes, half=False)
             else:
                 unreduced[i] = diffuser.at(plan.method, variance, plan.level, plan.spacing, probes)
             read[i] = diffuser.read(made[i], probes, precision == "half")
-    diffuser.keep_for("", 0.0, 0.0)
+        diffuser.forget(variance)
     lobes = [made[i] for i in range(len(plans))]
     if not len(probes):
         return lobes, None, [None] * len(plans)

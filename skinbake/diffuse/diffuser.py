@@ -38,6 +38,7 @@ from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
 
+LARGE_SHARE = 0.5  # of the texels: sources that are more than this are not kept for later
 LEVEL_GUTTER = 3  # texels around the charts of a smaller stored size: bilinear reading needs one
 Tiles = list[NDArray[np.float32]]
 
@@ -94,21 +95,31 @@ class Diffuser:
         return self._targets[level]
 
     def sources(self, variance_mm2: float, spacing: float) -> SourceTree:
-        """Clusters of one lobe; kept until those of another are asked for, or `keep_for`."""
+        """Clusters of one lobe. Those of wide lobes are few and kept; of narrow ones only the last."""
         key = (variance_mm2, spacing)
         if key not in self._sources:
-            self._sources.clear()
+            texels = sum(len(points.flat_index) for points, _, _ in self.surface.tiles)
+            for other in [k for k, tree in self._sources.items() if len(tree.source) > LARGE_SHARE * texels]:
+                del self._sources[other]
             self._sources[key] = lobe_sources(self.surface, variance_mm2, spacing)
         return self._sources[key]
 
-    def keep_for(self, method: str, variance_mm2: float, spacing: float) -> None:
-        """Drop what this lobe does not need: sources, texels and pyramids are larger than the lobes themselves."""
-        summed = method == "surface"
-        self._sources = {key: kept for key, kept in self._sources.items() if summed and key == (variance_mm2, spacing)}
-        if "surface" in self.__dict__ and not (summed and sums_texels(self.surface, variance_mm2, spacing)):
-            self.surface.__dict__.pop("texels", None)
-        if method != "texture":
-            self.__dict__.pop("pyramids", None)
+    def forget(self, variance_mm2: float) -> None:
+        """Let one lobe's clusters go."""
+        self._sources = {key: tree for key, tree in self._sources.items() if key[0] != variance_mm2}
+
+    def sums_texels(self, method: str, variance_mm2: float, spacing: float) -> bool:
+        """Whether a lobe is summed over single texels."""
+        return method == "surface" and sums_texels(self.surface, variance_mm2, spacing)
+
+    def drop_texels(self) -> None:
+        """Let the single texels go; they are larger than a lobe."""
+        texels = self.surface.__dict__.pop("texels", None)
+        self._sources = {key: tree for key, tree in self._sources.items() if tree is not texels}
+
+    def drop_pyramids(self) -> None:
+        """Let the premultiplied images go."""
+        self.__dict__.pop("pyramids", None)
 
     def map(self, method: str, variance_mm2: float, level: int, spacing: float) -> Tiles:
         """One lobe at a stored size, (L, h, w, 3) a tile."""

@@ -84,11 +84,23 @@ class RememberingDiffuser(Diffuser):
         kind = _kind("read", variance_mm2, level, spacing, probes)
         return self._columns(kind, lambda part: part.read_surface(variance_mm2, level, spacing, probes))
 
-    def keep_for(self, *lobe: Any) -> None:
-        """Drop what this lobe does not need."""
-        super().keep_for(*lobe)
+    def forget(self, variance_mm2: float) -> None:
+        """Let one lobe's clusters go."""
+        super().forget(variance_mm2)
         for part in self._parts.values():
-            part.keep_for(*lobe)
+            part.forget(variance_mm2)
+
+    def drop_texels(self) -> None:
+        """Let the single texels go."""
+        super().drop_texels()
+        for part in self._parts.values():
+            part.drop_texels()
+
+    def drop_pyramids(self) -> None:
+        """Let the premultiplied images go."""
+        super().drop_pyramids()
+        for part in self._parts.values():
+            part.drop_pyramids()
 
     def _columns(self, kind: Kind, compute: Callable[[Diffuser], Float]) -> Float:
         def make(names: tuple[str, ...]) -> dict[str, Values]:

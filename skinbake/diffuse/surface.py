@@ -96,7 +96,7 @@ def lobe_sources(light: SurfaceLight, variance_mm2: float, spacing: float = SPAC
 
 def sums_texels(light: SurfaceLight, variance_mm2: float, spacing: float) -> bool:
     """Whether a lobe is so narrow that most texels would be clusters by themselves."""
-    return spacing**2 / 12 * variance_mm2 < light.mean_texel_mm2 / 16  # a quarter of the spread of four texels
+    return spacing**2 / 12 * variance_mm2 < light.mean_texel_mm2 / 8  # half of the spread of four texels
 
 
 def surface_blur(

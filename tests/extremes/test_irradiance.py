@@ -63,8 +63,12 @@ def test_a_quarter_turn_of_the_texture():
         assert (np.abs(np.rot90(a) - b) > 2e-3 * a.max()).mean() < 0.01
 
 
+# Not below 1e-6: light times a cosine is to stay where float32 has all its digits (from 1e-38 on)
+CHANNEL = st.just(0.0) | st.floats(1e-6, 1)
+
+
 @settings(max_examples=5, deadline=None)
-@given(exponent=st.floats(-25, 25), colour=st.tuples(*[st.floats(0, 1)] * 3))
+@given(exponent=st.floats(-25, 25), colour=st.tuples(CHANNEL, CHANNEL, CHANNEL))
 def test_linear_and_positive(exponent, colour):
     """k times the light is k times the irradiance, from 1e-25 to 1e25, to float32; never below zero."""
     gain = 10.0**exponent

@@ -124,6 +124,17 @@ def test_textures_may_come_when_all_else_is_ready(studio):
             later.set_scene(scene())
 
 
+def test_near_and_far_views_follow_one_another(studio):
+    """A camera may come closer than the near plane of the picture before, and go beyond its far plane."""
+    far = view(studio.scene.mesh, "front", 1.0)
+    middle = studio.scene.mesh.positions_mm.mean(axis=0)
+    near = replace(far, position_mm=middle + 0.02 * (far.position_mm - middle))
+    away = replace(far, position_mm=middle + 40 * (far.position_mm - middle))
+    pictures = [studio.draw(camera, (48, 48), Mode("full")).rgba for camera in (far, near, away, near, far)]
+    np.testing.assert_array_equal(pictures[0], pictures[4])
+    np.testing.assert_array_equal(pictures[1], pictures[3])
+
+
 def test_supersampling_is_the_mean_of_the_finer_picture(studio):
     """Also in more than one strip of rows, the last one lower than the others."""
     camera = view(studio.scene.mesh, "front", 30 / 2.5 / STRIP)
