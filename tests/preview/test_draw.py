@@ -127,9 +127,7 @@ def test_textures_may_come_when_all_else_is_ready(studio):
 def test_near_and_far_views_follow_one_another(studio):
     """A camera may come closer than the near plane of the picture before, and go beyond its far plane."""
     far = view(studio.scene.mesh, "front", 1.0)
-    middle = studio.scene.mesh.positions_mm.mean(axis=0)
-    near = replace(far, position_mm=middle + 0.02 * (far.position_mm - middle))
-    away = replace(far, position_mm=middle + 40 * (far.position_mm - middle))
+    near, away = (replace(far, distance_mm=far.distance_mm * times) for times in (0.02, 40))
     pictures = [studio.draw(camera, (48, 48), Mode("full")).rgba for camera in (far, near, away, near, far)]
     np.testing.assert_array_equal(pictures[0], pictures[4])
     np.testing.assert_array_equal(pictures[1], pictures[3])
