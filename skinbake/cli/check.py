@@ -129,7 +129,7 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
     return {
         # Lights stored summed are blurred summed
-        "memory_mib": round(560 + megatexels * (230 + (15 if summed else 130) * (lights - 1))),
+        "memory_mib": round(600 + megatexels * (235 + (15 if summed else 58) * (lights - 1))),
         "seconds": round(3.5 + lights * (0.2 + 0.1 * len(variance_mm2)) + megatexels * (0.35 + 0.35 * lights), 1),
         "irradiance_mib": round(irradiance, 2),
         "lobes_mib": round(lobes, 2),

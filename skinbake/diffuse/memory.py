@@ -24,14 +24,14 @@ def memory_needed_bytes(
     Per texel and tile: the atlas 20 bytes and the source 12 L are the caller's; each lobe kept at full size is 12 L
     (the three narrowest lobes, as a rule; the others are stored smaller and add half of one). `texture` holds a
     premultiplied copy with its pyramid, 16 L + 6. The 3-D methods hold points of the texels and of their extension
-    (40 + 12), the sorted sources and clusters (80 + 12 L), their moment pyramid (11 + 4 L) and, while sorting, keys and
-    order (16). Measured with `auto`: 4.1 GiB for one light at 4096^2, 1.8 for three at 2048^2.
+    (40 + 12), the texels as sources (8 + 12 L, and 24 in leaves), half as much again for one lobe's clusters, their
+    moment pyramid (11 + 4 L) and the order in which they are written (4).
     """
     texels = size[0] * size[1] * tiles
     kept = min(lobes, 3.5) * 12 * lights
     per_texel = 20 + 12 * lights + kept
     texture = 16 * lights + 6
-    surface = 52 + 100 + 12 * lights + 11 + 4 * lights + 16
+    surface = 52 + 1.5 * (32 + 12 * lights) + 11 + 4 * lights + 4
     if method == "texture":
         # Probes are checked against the surface integral, which needs the sorted texels too
         per_texel += texture + surface

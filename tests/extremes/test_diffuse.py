@@ -47,9 +47,9 @@ def test_motion_and_unit(method, seed, shift, scale):
     light = stripes(mesh)
     here, _ = blurred(mesh, light, 4.0, method)
     there, _ = blurred(moved(mesh, rotation(seed), np.full(3, shift * scale), scale), light, 4.0 * scale**2, method)
-    # Clusters of the surface method fall otherwise on a turned head: that is its stated error, not round-off
-    assert relative(there, here) < (1e-3 if method == "surface" else 2e-6)
-    assert np.sqrt(np.mean((there - here) ** 2)) < (2e-4 if method == "surface" else 2e-7)
+    # What the surface method adds from just beyond its cut depends on how batches lie to the axes
+    assert relative(there, here) < (1e-4 if method == "surface" else 2e-6)
+    assert np.sqrt(np.mean((there - here) ** 2)) < (1e-5 if method == "surface" else 2e-7)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -60,7 +60,7 @@ def test_a_quarter_turn_of_the_texture(method):
     here, raster = blurred(mesh, light, 3.0, method)
     there, _ = blurred(uv_turned(mesh), np.ascontiguousarray(np.rot90(light)), 3.0, method)
     inside = np.rot90(raster.coverage) > 0.99
-    assert relative(there[inside], np.rot90(here)[inside]) < {"texture": 2e-6, "stretch": 5e-3, "surface": 2e-3}[method]
+    assert relative(there[inside], np.rot90(here)[inside]) < {"texture": 2e-6, "stretch": 5e-3, "surface": 1e-4}[method]
 
 
 @pytest.mark.parametrize("method", METHODS)
