@@ -4,7 +4,7 @@ At a target x:  M(x) = sum_j w_j E_j / sum_j w_j,   w_j = A_j k_j exp(-|x - x_j|
 
 Moving the light of a cluster to its centroid is a blur of its own, by the cluster's spread s_j^2 (variance along each
 tangent direction), so each cluster spreads by that much less: a single texel has k_j = 1. Where texels are coarser
-than the lobe, v is widened at the target, so that their lattice still spreads light by v (`lattice_gaussian`).
+than the lobe, v is widened at the target, so that their lattice still spreads light by v (`lattice_variance`).
 
 Distances are straight lines, as the dipole integral wants [Jensen2002]; `separate` keeps what faces across air apart.
 Row normalisation keeps constant light constant. It does not keep each light's total exactly; a symmetric, doubly
