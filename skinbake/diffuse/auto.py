@@ -1,9 +1,10 @@
 """Method `auto`: the cheapest method and stored size for each lobe that together meet the tolerance, as measured.
 
-Every candidate of every lobe is tried at planning probes only (a surface sum needs no more than the texels that a
-reader of the probe would touch), against the exact integral there. Half of these probes are drawn where the light
-changes, for that is where errors are. Errors of lobes are added as they are, with their signs and weights, so a lobe
-of little weight may be rough. The search starts from the most accurate candidate of each lobe and takes, one after
+Candidates are tried at planning probes only (a surface sum needs no more than the texels that a reader of the probe
+would touch), against the exact integral there. Half of these probes are drawn where the light changes, for that is
+where errors are. Errors of lobes are added as they are, with their signs and weights, so a lobe of little weight may be
+rough. Surface sums cost the most to try and are the most exact: each is taken for exact until a search has chosen it,
+is then tried, and the search done again. The search starts from the most accurate candidate of each lobe and takes, one after
 another, the exchange that saves most for the error it adds, while the verifying probes can be expected to find the sum
 within the tolerance: its mean square error plus two standard deviations of what that many probes would measure.
 
@@ -13,7 +14,7 @@ than three thousandths of the skin further off than ten tolerances, or than a te
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,8 +40,8 @@ _WRITE = 7e-8
 _TEXTURE = 4e-9
 _PAIR = 2.2e-10
 _SURFACE = 2.5e-8
-_INTERPOLATE = 3e-9
-_SUMMED = (1.0, 0.7, 0.16, 0.04)  # share of texels that is not interpolated, from the first size summed on
+_INTERPOLATE = 1.2e-8
+_SUMMED = (1.0, 0.12, 0.04)  # share of texels that is not interpolated, from the first size summed on
 
 
 @dataclass(frozen=True)
@@ -49,20 +50,23 @@ class Candidate:
 
     Attributes
     ----------
+    cost : float
+        Estimated, arbitrary unit.
     read : ndarray of shape (P, C)
         What would be read at the planning probes.
     error : float
         Of this lobe alone, relative rms.
-    cost : float
-        Estimated, arbitrary unit.
+    tried : bool
+        False: `read` is the exact integral, for now.
     """
 
     method: str
     level: int
     spacing: float
+    cost: float
     read: Float
     error: float
-    cost: float
+    tried: bool = True
 
 
 def plan_auto(
@@ -82,7 +86,7 @@ def plan_auto(
         A line a lobe, and one for the sum.
     """
     points = [p for p, _, _ in diffuser.surface.tiles]
-    where = np.concatenate([contrast(*tile) for tile in diffuser.surface.tiles])
+    where = [contrast(points, pyramid) for points, _, pyramid in diffuser.surface.tiles]
     probes = draw_probes(diffuser.atlas, diffuser.mesh, points, PROBES, seed, PLAN, where)
     if also is not None:
         probes = joined_probes(probes, also)
@@ -96,6 +100,11 @@ def plan_auto(
     judge = _Judge(want, probes.weight, max(diffuser.spec.probes, 1), max(PEAK * tolerance, SEEN))
     limit = MARGIN * tolerance
     chosen = _search(options, gaussians.weight_rgb, judge, limit)
+    while any(not lobe[k].tried for lobe, k in zip(options, chosen, strict=True)):
+        for i, (lobe, k) in enumerate(zip(options, chosen, strict=True)):
+            if not lobe[k].tried:
+                lobe[k] = _tried(diffuser, float(gaussians.variance_mm2[i]), probes, exact[i], lobe[k])
+        chosen = _search(options, gaussians.weight_rgb, judge, limit)
     reads = [lobe[k].read for lobe, k in zip(options, chosen, strict=True)]
     error = weighted_sum(reads, gaussians.weight_rgb) - want
     expected, likely = judge.rms(error), judge.unlucky_rms(error)
@@ -123,17 +132,14 @@ def plan_auto(
 
 
 def _candidates(diffuser: Diffuser, variance: float, probes: Probes, exact: Float, half: bool) -> list[Candidate]:
-    found: list[Candidate] = []
+    """The identity first; surface sums untried."""
     judge = _Judge(exact, probes.weight, len(probes))
 
-    def add(method: str, level: int, spacing: float, read: Float, cost: float) -> float:
-        height, width = level_size(diffuser.size, level)
-        texels = height * width * len(diffuser.atlas) * diffuser.lights
-        error = judge.rms(read - exact)
-        found.append(Candidate(method, level, spacing, read, error, cost + _WRITE * texels))
-        return error
+    def candidate(method: str, level: int, cost: float, read: Float) -> Candidate:
+        cost += _WRITE * _texels(diffuser, level) * diffuser.lights
+        return Candidate(method, level, 0.0, cost, read, judge.rms(read - exact))
 
-    add("identity", 0, 0.0, diffuser.read(diffuser.source, probes, half), 0.0)
+    found = [candidate("identity", 0, 0.0, diffuser.read(diffuser.source, probes, half))]
     texels2 = min(diffuser.variance_texels2(variance))
     if texels2 < IDENTITY_TEXELS2:
         return found
@@ -142,16 +148,24 @@ def _candidates(diffuser: Diffuser, variance: float, probes: Probes, exact: Floa
     # Where the method itself is far off, its stored sizes need no map
     promising = judge.rms(texture - exact) < found[0].error
     for level in range(coarsest + 1) if promising else ():
-        height, width = level_size(diffuser.size, level)
         read = texture if level == 0 else diffuser.read_texture(variance, level, probes)
-        add("texture", level, 0.0, read, _TEXTURE * height * width * len(diffuser.atlas) * diffuser.lights)
+        found.append(candidate("texture", level, _TEXTURE * _texels(diffuser, level) * diffuser.lights, read))
     spacing = cluster_spacing(diffuser.spec.tolerance)
     for level in range(coarsest + 1):
-        read = diffuser.read_surface(variance, level, spacing, probes)
-        error = add("surface", level, spacing, read, _surface_cost(diffuser, variance, level, spacing))
-        if error > 4 * diffuser.spec.tolerance and level > 0:
-            break
+        sums = candidate("surface", level, _surface_cost(diffuser, variance, level, spacing), exact)
+        found.append(replace(sums, spacing=spacing, tried=False))
     return found
+
+
+def _tried(diffuser: Diffuser, variance: float, probes: Probes, exact: Float, sums: Candidate) -> Candidate:
+    """A surface sum with what it reads at the probes."""
+    read = diffuser.read_surface(variance, sums.level, sums.spacing, probes)
+    return replace(sums, read=read, error=_Judge(exact, probes.weight, len(probes)).rms(read - exact), tried=True)
+
+
+def _texels(diffuser: Diffuser, level: int) -> int:
+    height, width = level_size(diffuser.size, level)
+    return height * width * len(diffuser.atlas)
 
 
 def _surface_cost(diffuser: Diffuser, variance: float, level: int, spacing: float) -> float:
@@ -161,10 +175,9 @@ def _surface_cost(diffuser: Diffuser, variance: float, level: int, spacing: floa
     while diffuser.interpolates(variance, first):
         first += 1
     for finer, summed in zip(range(first, level - 1, -1), (*_SUMMED, *(_SUMMED[-1],) * first), strict=False):
-        height, width = level_size(diffuser.size, finer)
         pairs = np.pi * ((diffuser.cut + 1) ** 2 * variance + 4 * texel * 4**finer) / side2
         each = summed * (_SURFACE + _PAIR * pairs * (1 + diffuser.lights) / 2) + _INTERPOLATE * diffuser.lights
-        cost += height * width * len(diffuser.atlas) * each
+        cost += _texels(diffuser, finer) * each
     return cost
 
 
@@ -241,7 +254,7 @@ def _explain(
 ) -> LobePlan:
     """What the lobe costs in error, and what the next cheaper choice would have made of the sum."""
     why = f"alone wrong by {taken.error:.3%}"
-    cheaper = [c for c in lobe if c.cost < taken.cost]
+    cheaper = [c for c in lobe if c.cost < taken.cost and c.tried]
     if cheaper:
         other = max(cheaper, key=lambda c: c.cost)
         others = [*reads[:index], other.read, *reads[index + 1 :]]

@@ -72,40 +72,46 @@ def is_cluster(moments, max_spread_mm2):  # type: ignore[no-untyped-def]
     return moments[0] > 0 and moments[4] <= max_spread_mm2 and aligned
 
 
-def contrast(points: TexelPoints, radiosity: NDArray[np.float32], pyramid: MomentPyramid) -> NDArray[np.float32]:
-    """Where errors will be: change of the light around each point, over 4, 16 and 64 texels, and of the texels' size.
+def contrast(points: TexelPoints, pyramid: MomentPyramid) -> NDArray[np.float32]:
+    """Where errors will be, (T,): change of the light around each point, over 4, 16 and 64 texels, and of texels' size.
 
     The second part, in units of the light around, finds borders of charts and skin that the UVs squeeze or stretch.
+    Found for blocks of 2 x 2 texels, which is as fine as it need be.
     """
+    blocks = np.empty(pyramid.start[1], np.float32)
+    _contrast(pyramid.moments, pyramid.radiosity, pyramid.start, pyramid.width, blocks)
     changes = np.empty(len(points.flat_index), np.float32)
-    _contrast(
-        points.flat_index, points.area_mm2, points.row.shape[1], radiosity, pyramid.moments,
-        pyramid.radiosity.sum(axis=1), pyramid.start, pyramid.width, changes,
-    )  # fmt: skip
+    _of_texels(points.flat_index, points.row.shape[1], blocks, pyramid.width[0], changes)
     return changes
 
 
 @njit(cache=True, parallel=True)
-def _contrast(flat_index, area, columns, radiosity, moments, light, start, width, changes):  # type: ignore[no-untyped-def]
+def _contrast(moments, radiosity, start, width, changes):  # type: ignore[no-untyped-def]
     faint = np.float32(1e-12)
     for k in prange(len(changes)):
-        row, col = flat_index[k] // columns, flat_index[k] % columns
-        fine = np.float32(0)
-        for each in range(len(radiosity)):
-            for c in range(3):
-                fine += radiosity[each, flat_index[k], c]
-        change = np.float32(0)
-        for level in (2, 4, 6):
-            coarse = light[start[level - 1] + (row >> level) * width[level - 1] + (col >> level)]
+        changes[k] = 0
+        if moments[k, 0] <= 0:
+            continue
+        row, col = k // width[0], k % width[0]
+        change, fine = np.float32(0), radiosity[k].sum()
+        for level in (1, 3, 5):
+            coarse = radiosity[start[level] + (row >> level) * width[level] + (col >> level)].sum()
             change += abs(fine - coarse)
             fine = coarse
-        block = start[1] + (row >> 2) * width[1] + (col >> 2)
+        block = start[1] + (row >> 1) * width[1] + (col >> 1)
         mean_area = max(moments[block, 0], faint)
-        uneven = abs(np.log(max(area[k], faint) / (mean_area / np.float32(16))))
+        uneven = abs(np.log(max(moments[k, 0], faint) * np.float32(4) / mean_area))
         # A square's spread is a twelfth of its area
         stretched = np.log(max(np.float32(12) * moments[block, 4] / mean_area, np.float32(1)))
         around = np.float32(0.3) * fine
         changes[k] = change + (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
+
+
+@njit(cache=True, parallel=True)
+def _of_texels(flat_index, columns, blocks, width, changes):  # type: ignore[no-untyped-def]
+    for k in prange(len(changes)):
+        row, col = flat_index[k] // columns, flat_index[k] % columns
+        changes[k] = blocks[(row >> 1) * width + (col >> 1)]
 
 
 @njit(cache=True, parallel=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, Atlas, rasterize
 from skinbake.diffuse.gather import cut_sigma, gather
-from skinbake.diffuse.points import TexelPoints, copy_gutter, texel_points
+from skinbake.diffuse.points import TexelPoints, copy_gutter, extended_points, texel_points
 from skinbake.diffuse.probes import Probes, bilinear_texels, read_bilinear
 from skinbake.diffuse.reference import reference_integral
 from skinbake.diffuse.sources import SourceTree
@@ -39,6 +39,7 @@ from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
 
 LARGE_SHARE = 0.5  # of the texels: sources that are more than this are not kept for later
+_WORTH = 1.5  # mean texels of half the size in the widest gap, from which on interpolation is sooner done than sums
 LEVEL_GUTTER = 3  # texels around the charts of a smaller stored size: bilinear reading needs one
 Tiles = list[NDArray[np.float32]]
 
@@ -86,12 +87,9 @@ class Diffuser:
     def targets(self, level: int) -> list[TexelPoints]:
         """Skin points of each tile's texels at a stored size, continued beyond the charts' borders."""
         if level not in self._targets:
-            atlas = self.level_atlas(level)
-            extended = [texel_points(r, self.mesh, self.surface.centre_mm, extend=True) for r in atlas]
-            if level == 0:  # all but the positions is the same: keep it once
-                own = (points for points, _, _ in self.surface.tiles)
-                extended = [replace(p, position=e.position) for p, e in zip(own, extended, strict=True)]
-            self._targets[level] = extended
+            atlas, centre = self.level_atlas(level), self.surface.centre_mm
+            own = [p for p, _, _ in self.surface.tiles] if level == 0 else [texel_points(r, self.mesh, centre) for r in atlas]
+            self._targets[level] = [extended_points(p, r, self.mesh, centre) for p, r in zip(own, atlas, strict=True)]
         return self._targets[level]
 
     def sources(self, variance_mm2: float, spacing: float) -> SourceTree:
@@ -99,7 +97,7 @@ class Diffuser:
         key = (variance_mm2, spacing)
         if key not in self._sources:
             texels = sum(len(points.flat_index) for points, _, _ in self.surface.tiles)
-            for other in [k for k, tree in self._sources.items() if len(tree.source) > LARGE_SHARE * texels]:
+            for other in [k for k, tree in self._sources.items() if tree.count > LARGE_SHARE * texels]:
                 del self._sources[other]
             self._sources[key] = lobe_sources(self.surface, variance_mm2, spacing)
         return self._sources[key]
@@ -242,7 +240,7 @@ class Diffuser:
         """Whether a surface lobe of a stored size is interpolated from half that size, where that is smooth enough."""
         height, width = level_size(self.size, level)
         next_texel = np.sqrt(self.surface.mean_texel_mm2) * 2 ** (level + 1)
-        near = 0.8 * next_texel < widest_gap(self.spec.tolerance) * np.sqrt(variance_mm2)
+        near = _WORTH * next_texel < widest_gap(self.spec.tolerance) * np.sqrt(variance_mm2)
         return bool(self.spec.normalise and height % 2 == 0 and width % 2 == 0 and near)
 
     def _surface_map(self, variance_mm2: float, level: int, spacing: float) -> Tiles:

@@ -12,7 +12,20 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.diffuse.lanes import LANES, gaussian, load, lowest_bit, mul_add, splat, store
+from skinbake.diffuse.lanes import (
+    LANES,
+    entry,
+    gaussian,
+    greatest_lane,
+    least_lane,
+    load,
+    lowest_bit,
+    mul_add,
+    prefetch,
+    splat,
+    store,
+    sum_of_lanes,
+)
 from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_variance
 from skinbake.diffuse.points import TexelPoints
 from skinbake.diffuse.separate import passes
@@ -31,9 +44,10 @@ from skinbake.diffuse.sources import (
 )
 
 CUT_ERROR = 0.1  # measured: normalised sums cut at k sigma are wrong by this exp(-k^2 / 2), rms of hard-lit skin
-_CUT_SHARE = 0.05  # of the tolerance
+_CUT_SHARE = 0.15  # of the tolerance
 _BLOCK = 4  # x 4 texels are a batch, where they are near one another
 _TILE = 16  # x 16 texels begin their searches at the same groups
+_AHEAD = 2  # leaves that are on their way from memory while one is summed
 _NORMAL, _RATE, _SUMS = 3, 6, 7  # rows of sixteen in the scratch memory: x y z, normal, -1 / 64 v, sums
 _ZERO, _HALF = np.float32(0), np.float32(0.5)
 _TINY = np.float32(1e-20)
@@ -76,24 +90,24 @@ def gather(
     strips = -(-points.row.shape[0] // _TILE)
     # Threads take consecutive strips, and a head leaves the texture's borders empty: strips are dealt out evenly
     stride = next(s for s in range(int(0.618 * strips) + 1, 2 * strips + 2) if gcd(s, strips) == 1)
-    largest = float(tree.source[:, AMPLITUDE].max(initial=0)) or 1.0
+    largest = float(tree.leaf[:, AMPLITUDE].max(initial=0)) or 1.0
     density = 0.0 if normalise else 1 / (2 * np.pi * variance_mm2)
     _gather(
-        strips, stride, points.row, points.flat_index, points.position, points.normal, points.texel_mm2, tree.source,
-        tree.leaf_start, tree.leaf, tree.box, tree.first_group, variance_mm2, lattice_table(),
+        strips, stride, points.row, points.flat_index, points.position, points.normal, points.texel_mm2, tree.leaf,
+        tree.box, tree.first_group, variance_mm2, lattice_table(),
         np.float32(cut), separate, np.float32(_TINY * largest), np.float32(density), out,
     )  # fmt: skip
 
 
 @njit(cache=True, parallel=True)
 def _gather(  # type: ignore[no-untyped-def]
-    strips, stride, row_of, flat_index, position, normal, texel_mm2, source, leaf_start, leaf, box, first_group,
+    strips, stride, row_of, flat_index, position, normal, texel_mm2, leaf, box, first_group,
     variance_mm2, table, cut, separate, faint, density, out,
 ):  # fmt: skip
     height, width = row_of.shape
     leaves, boxes = leaf.reshape(-1), box.reshape(-1)
     for strip in prange(strips):
-        lanes = np.empty((_SUMS + 4 + source.shape[1]) * LANES, np.float32)
+        lanes = np.empty((_SUMS + 1 + 3 * len(out)) * LANES, np.float32)
         low, high = np.empty(3, np.float32), np.empty(3, np.float32)
         stack, found = np.empty(STACK, np.int64), np.empty(len(leaf), np.int64)
         members, batch, begin = np.empty(LANES, np.int64), np.empty(LANES, np.int64), np.empty(STACK // 2, np.int64)
@@ -117,7 +131,7 @@ def _gather(  # type: ignore[no-untyped-def]
                         left = _take_near(members, left, position, texel_mm2, variance_mm2, cut, batch)
                         stack[:begins] = begin[:begins]
                         _gather_batch(
-                            batch, flat_index, position, normal, texel_mm2, source, leaf_start, leaves, boxes,
+                            batch, flat_index, position, normal, texel_mm2, leaves, boxes,
                             first_group, variance_mm2, table, cut, separate, faint, density, lanes, low, high, stack,
                             begins, found, out,
                         )  # fmt: skip
@@ -152,7 +166,7 @@ def _begin_near_tile(  # type: ignore[no-untyped-def]
     return 1
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _take_near(members, count, position, texel_mm2, variance_mm2, cut, batch):  # type: ignore[no-untyped-def]
     """Move what lies near the first member into the batch, which repeats its last; the number of members left."""
     seed = members[0]
@@ -173,40 +187,36 @@ def _take_near(members, count, position, texel_mm2, variance_mm2, cut, batch):  
     return left
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _gather_batch(  # type: ignore[no-untyped-def]
-    batch, flat_index, position, normal, texel_mm2, source, leaf_start, leaves, boxes, first_group,
+    batch, flat_index, position, normal, texel_mm2, leaves, boxes, first_group,
     variance_mm2, table, cut, separate, faint, density, lanes, low, high, stack, begins, found, out,
 ):  # fmt: skip
-    further = source.shape[1] - LIGHT - 3  # channels beyond the first light's
-    radius = _ZERO
-    ax, ay, az = _ZERO, _ZERO, _ZERO
-    low[:], high[:] = np.inf, -np.inf
+    further = 3 * len(out) - 3  # channels beyond the first light's
+    size = (LIGHT + 3 + further) * LANES  # of a leaf
+    widest = 0.0
     for t in range(LANES):
         k = batch[t]
         variance = lattice_variance(variance_mm2, texel_mm2[k], table)
-        radius = max(radius, cut * np.sqrt(np.float32(variance)))
+        widest = max(widest, variance)
         for axis in range(3):
-            x = position[k, axis]
-            low[axis], high[axis] = min(low[axis], x), max(high[axis], x)
-            lanes[axis * LANES + t], lanes[(_NORMAL + axis) * LANES + t] = x, normal[k, axis]
+            lanes[axis * LANES + t], lanes[(_NORMAL + axis) * LANES + t] = position[k, axis], normal[k, axis]
         lanes[_RATE * LANES + t] = -1 / (64 * variance)
-        ax, ay, az = ax + normal[k, 0], ay + normal[k, 1], az + normal[k, 2]
+    radius = cut * np.float32(np.sqrt(widest))
     x, y, z, rate = load(lanes, 0), load(lanes, LANES), load(lanes, 2 * LANES), load(lanes, _RATE * LANES)
     nx, ny, nz = load(lanes, _NORMAL * LANES), load(lanes, (_NORMAL + 1) * LANES), load(lanes, (_NORMAL + 2) * LANES)
 
-    # Ball and cone around the batch: sources inside the opposite cone need the pair rule
+    # Box, ball and cone around the batch: sources inside the opposite cone need the pair rule
+    low[0], low[1], low[2] = least_lane(x), least_lane(y), least_lane(z)
+    high[0], high[1], high[2] = greatest_lane(x), greatest_lane(y), greatest_lane(z)
     cx, cy, cz = _HALF * (low[0] + high[0]), _HALF * (low[1] + high[1]), _HALF * (low[2] + high[2])
+    dx, dy, dz = x - cx, y - cy, z - cz
+    far2 = greatest_lane(mul_add(dx, dx, mul_add(dy, dy, dz * dz)))
+    ax, ay, az = sum_of_lanes(nx), sum_of_lanes(ny), sum_of_lanes(nz)
     length = np.sqrt(ax * ax + ay * ay + az * az) + _TINY
     ax, ay, az = ax / length, ay / length, az / length
-    closest, far2 = np.float32(1), _ZERO
-    for t in range(LANES):
-        k = batch[t]
-        dx, dy, dz = position[k, 0] - cx, position[k, 1] - cy, position[k, 2] - cz
-        far2 = max(far2, dx * dx + dy * dy + dz * dz)
-        closest = min(closest, normal[k, 0] * ax + normal[k, 1] * ay + normal[k, 2] * az)
+    closest = least_lane(mul_add(nx, ax, mul_add(ny, ay, nz * az)))
     sine = np.sqrt(max(np.float32(1) - closest * closest, _ZERO)) if closest > 0 else np.float32(2)
-
     within2 = (radius + np.sqrt(far2)) ** 2
 
     # The first light's three sums stay in registers, those of further lights in `lanes`
@@ -214,23 +224,27 @@ def _gather_batch(  # type: ignore[no-untyped-def]
     red, green, blue = splat(_ZERO), splat(_ZERO), splat(_ZERO)
     for c in range(further):
         store(lanes, (_SUMS + 4 + c) * LANES, total)
-    for i in range(near_boxes(low, high, radius * radius, boxes, first_group, stack, begins, 0, found)):
-        leaf = found[i]
-        bits = near_sources(leaves, leaf, low, high, radius * radius) & sources_around(
-            leaves, leaf, cx, cy, cz, within2
+    count = near_boxes(low, high, radius * radius, boxes, first_group, stack, begins, 0, found)
+    for i in range(count):
+        ahead = found[min(i + _AHEAD, count - 1)] * size
+        for row in range(LIGHT + 3):
+            prefetch(leaves, ahead + row * LANES)
+        base = found[i] * size
+        bits = near_sources(leaves, base, low, high, radius * radius) & sources_around(
+            leaves, base, cx, cy, cz, within2
         )
-        opposite = opposite_sources(leaves, leaf, ax, ay, az, sine) if separate else 0
-        first = leaf_start[leaf]
+        opposite = opposite_sources(leaves, base, ax, ay, az, sine) if separate else 0
         while bits != 0:
             bit = lowest_bit(bits)
             bits &= bits - 1
-            s, at = first + bit, leaf * (6 * LANES) + bit
-            dx, dy, dz = leaves[at] - x, leaves[at + LANES] - y, leaves[at + 2 * LANES] - z
+            at = base + bit
+            dx, dy, dz = entry(leaves, at) - x, entry(leaves, at + LANES) - y, entry(leaves, at + 2 * LANES) - z
             distance2 = mul_add(dx, dx, mul_add(dy, dy, dz * dz))
-            w = gaussian(distance2 * (rate * source[s, NARROWING])) * source[s, AMPLITUDE]
+            w = gaussian(distance2 * (rate * entry(leaves, at + NARROWING * LANES)))
+            w *= entry(leaves, at + AMPLITUDE * LANES)
             if opposite >> bit & 1:
-                at += NORMAL * LANES
-                mx, my, mz = leaves[at], leaves[at + LANES], leaves[at + 2 * LANES]
+                to = at + NORMAL * LANES
+                mx, my, mz = entry(leaves, to), entry(leaves, to + LANES), entry(leaves, to + 2 * LANES)
                 w *= passes(
                     mul_add(nx, mx, mul_add(ny, my, nz * mz)),
                     mul_add(nx, dx, mul_add(ny, dy, nz * dz)),
@@ -238,12 +252,13 @@ def _gather_batch(  # type: ignore[no-untyped-def]
                     distance2 + _TINY,
                 )
             total += w
-            red = mul_add(w, source[s, LIGHT], red)
-            green = mul_add(w, source[s, LIGHT + 1], green)
-            blue = mul_add(w, source[s, LIGHT + 2], blue)
+            at += LIGHT * LANES
+            red = mul_add(w, entry(leaves, at), red)
+            green = mul_add(w, entry(leaves, at + LANES), green)
+            blue = mul_add(w, entry(leaves, at + 2 * LANES), blue)
             for c in range(further):
                 to = (_SUMS + 4 + c) * LANES
-                store(lanes, to, mul_add(w, source[s, LIGHT + 3 + c], load(lanes, to)))
+                store(lanes, to, mul_add(w, entry(leaves, at + (3 + c) * LANES), load(lanes, to)))
 
     store(lanes, _SUMS * LANES, total)
     store(lanes, (_SUMS + 1) * LANES, red)

@@ -21,7 +21,7 @@ BILINEAR_ERROR = {
 _STORAGE_SHARE = 0.6  # of the tolerance
 # Clusters of `spacing` sigma are wrong by this spacing^2, rms: 0.0014 on the same scan, 0.004 on small hard-lit shapes
 CLUSTER_ERROR = 0.002
-_CLUSTER_SHARE = 0.45
+_CLUSTER_SHARE = 0.4
 MIN_SPACING, MAX_SPACING = 0.4, 1.5
 IDENTITY_TEXELS2 = 1e-3  # below this variance a lobe changes no texel by more than 4 x 5e-4 of its contrast
 

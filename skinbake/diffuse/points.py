@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit, prange
@@ -44,22 +44,10 @@ class TexelPoints:
     texel_mm2: NDArray[np.float32]
 
 
-def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float, extend: bool = False) -> TexelPoints:
-    """Points of a raster's addressed texels.
-
-    Parameters
-    ----------
-    extend : bool
-        Where a texel's centre lies beside its chart, continue the closest face's plane to the centre (at most
-        1.5 texels) instead of taking the closest chart point: a smooth field evaluated there lets bilinear reading be
-        right up to the chart's border, and nearly equal on both sides of a seam.
-    """
+def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> TexelPoints:
+    """Points of a raster's addressed texels."""
     height, width = raster.shape
-    u0, v0 = tile_origin(raster.tile)
-    corner_xy = np.empty_like(mesh.corner_uv)
-    corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
-    corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
-    face_mm2 = safe_div(mesh.face_area_mm2, np.abs(signed_uv_area(mesh)) * width * height)
+    face_mm2 = _face_texel_mm2(raster, mesh)
     shorter_mm2 = np.minimum(_smaller_stretch2(mesh, width, height), face_mm2)
     row = np.full((height, width), -1, dtype=np.int32)
     per_row = np.count_nonzero(raster.addressed, axis=1)
@@ -69,13 +57,42 @@ def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float, extend: 
     area, texel_mm2 = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     widest = np.zeros(height, dtype=np.float32)  # texel of each row that has skin
     _points(
-        raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage, corner_xy,
-        mesh.corner_position_mm - centre_mm, mesh.corner_normal, face_mm2, shorter_mm2,
-        MAX_BEYOND_TEXELS if extend else 0.0, np.cumsum(per_row) - per_row,
+        raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage,
+        mesh.corner_position_mm - centre_mm, mesh.corner_normal, shorter_mm2, np.cumsum(per_row) - per_row,
         row, flat, position, normal, area, texel_mm2, widest,
     )  # fmt: skip
     np.minimum(texel_mm2, widest.max(initial=0.0), out=texel_mm2)
     return TexelPoints(row, flat, position, normal, area, texel_mm2)
+
+
+def extended_points(points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> TexelPoints:
+    """The same points, but where a texel's centre lies beside its chart, on the closest face's plane at the centre.
+
+    A smooth field evaluated there lets bilinear reading be right up to the chart's border, and nearly equal on both
+    sides of a seam. The plane is continued by at most 1.5 texels.
+
+    Parameters
+    ----------
+    points : TexelPoints
+        `texel_points` of the raster.
+    """
+    height, width = raster.shape
+    u0, v0 = tile_origin(raster.tile)
+    corner_xy = np.empty_like(mesh.corner_uv)
+    corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
+    corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
+    position = points.position.copy()
+    _extend(
+        points.flat_index, raster.face_index, raster.barycentric, raster.coverage, corner_xy,
+        mesh.corner_position_mm - centre_mm, _face_texel_mm2(raster, mesh), MAX_BEYOND_TEXELS, position,
+    )  # fmt: skip
+    return replace(points, position=position)
+
+
+def _face_texel_mm2(raster: AtlasRaster, mesh: SkinMesh) -> Float:
+    """Skin in a texel of each face, (F,)."""
+    height, width = raster.shape
+    return safe_div(mesh.face_area_mm2, np.abs(signed_uv_area(mesh)) * width * height)
 
 
 def copy_gutter(points: TexelPoints, light: NDArray[np.float32], out: NDArray[np.float32]) -> None:
@@ -100,8 +117,7 @@ def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
 
 @njit(cache=True, parallel=True)
 def _points(  # type: ignore[no-untyped-def]
-    face_index, barycentric, area_mm2, coverage, corner_xy, corner_mm, corner_normal, face_mm2, shorter_mm2, beyond,
-    start, row_out, flat, position, normal, area, texel_mm2, widest,
+    face_index, barycentric, area_mm2, coverage, corner_mm, corner_normal, shorter_mm2, start, row_out, flat, position, normal, area, texel_mm2, widest,
 ):  # fmt: skip
     height, width = face_index.shape
     for row in prange(height):
@@ -131,14 +147,25 @@ def _points(  # type: ignore[no-untyped-def]
             if length2 > 0:
                 for k in range(3):
                     normal[n, k] /= np.sqrt(length2)
-            if beyond > 0:
-                # From the shown point to the texel's centre, in texels, then along the face's plane
-                dx = col + 0.5 - (b0 * corner_xy[f, 0, 0] + b1 * corner_xy[f, 1, 0] + b2 * corner_xy[f, 2, 0])
-                dy = row + 0.5 - (b0 * corner_xy[f, 0, 1] + b1 * corner_xy[f, 1, 1] + b2 * corner_xy[f, 2, 1])
-                away = np.sqrt(dx * dx + dy * dy)
-                if away > 1e-3:
-                    _continue_plane(corner_xy[f], corner_mm[f], dx, dy, away, beyond, face_mm2[f], position[n])
             n += 1
+
+
+@njit(cache=True, parallel=True)
+def _extend(flat_index, face_index, barycentric, coverage, corner_xy, corner_mm, face_mm2, beyond, position):  # type: ignore[no-untyped-def]
+    width = face_index.shape[1]
+    for n in prange(len(flat_index)):
+        row, col = flat_index[n] // width, flat_index[n] % width
+        if coverage[row, col] >= 1:
+            continue
+        f = face_index[row, col]
+        b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+        b0 = 1.0 - b1 - b2
+        # From the shown point to the texel's centre, in texels, then along the face's plane
+        dx = col + 0.5 - (b0 * corner_xy[f, 0, 0] + b1 * corner_xy[f, 1, 0] + b2 * corner_xy[f, 2, 0])
+        dy = row + 0.5 - (b0 * corner_xy[f, 0, 1] + b1 * corner_xy[f, 1, 1] + b2 * corner_xy[f, 2, 1])
+        away = np.sqrt(dx * dx + dy * dy)
+        if away > 1e-3:
+            _continue_plane(corner_xy[f], corner_mm[f], dx, dy, away, beyond, face_mm2[f], position[n])
 
 
 @njit(cache=True)

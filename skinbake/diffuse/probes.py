@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, tile_origin
@@ -16,6 +17,7 @@ from skinbake.scene.mesh import SkinMesh
 HALF_FAINT = 1 / 64  # as io.exr: a channel all below would lose its shadows to half's subnormals
 VERIFY, PLAN, VERIFY_AGAIN = 0, 1, 2  # streams of the same seed: a plan never sees the probes that judge it
 SQUEEZED = 64.0  # texels of skin in one texel
+_BLOCK = 1024  # texels; a draw finds its block first
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def draw_probes(
     count: int,
     seed: int,
     stream: int = VERIFY,
-    preference: NDArray[np.float32] | None = None,
+    preference: Sequence[NDArray[np.float32]] | None = None,
 ) -> Probes:
     """`count` texels, each drawn with a chance proportional to its skin area, independently.
 
@@ -74,57 +76,96 @@ def draw_probes(
 
     Parameters
     ----------
-    preference : ndarray of shape (T,), optional
-        Not negative, by row of all points: half of the probes are drawn in proportion to it too, and weighed back.
+    preference : sequence of ndarray of shape (T,), float32, optional
+        Not negative, by row of each tile's points: half of the probes are drawn in proportion to it too, and weighed
+        back.
     """
     rng = np.random.default_rng([seed, stream])
-    area, _ = _judged(points)
-    chance = area
-    if preference is not None:
-        preferred = area * preference.astype(np.float64)
-        if preferred.sum() > 0:
-            chance = 0.5 * area / area.sum(dtype=np.float64) + 0.5 * preferred / preferred.sum()
-    total = np.cumsum(chance, dtype=np.float64)
-    if len(total) == 0 or total[-1] <= 0:
+    most = _most_area(points)
+    if preference is None:
+        preference = [np.empty(0, np.float32)] * len(points)
+    sums = [_block_sums(p.area_mm2, liked, most) for p, liked in zip(points, preference, strict=True)]
+    area, preferred, _ = np.sum([each.sum(axis=0) for each in sums], axis=0)
+    rates = (0.5 / area, 0.5 / preferred) if preferred > 0 else (1 / max(area, 1e-30), 0.0)
+    chance = np.cumsum(np.concatenate([each[:, :2] @ rates for each in sums]))
+    if len(chance) == 0 or chance[-1] <= 0:
         count = 0
-    drawn = np.searchsorted(total, rng.random(count) * (total[-1] if count else 0.0), side="right")
-    drawn = np.sort(np.minimum(drawn, len(total) - 1))
-    first = np.cumsum([0, *(len(p.area_mm2) for p in points)])
-    tile = np.searchsorted(first, drawn, side="right").astype(np.int32) - 1
-    row, weight = drawn - first[tile], np.ones(count)
-    if chance is not area:
-        weight = area[drawn] / area.sum(dtype=np.float64) / (chance[drawn] / total[-1])
-    flat = np.zeros(count, np.int64)
-    place = np.zeros((count, 2))
+    drawn = np.sort(rng.random(count) * (chance[-1] if count else 0.0))
+    block = np.minimum(np.searchsorted(chance, drawn, side="right"), len(chance) - 1)
+    rest = drawn - np.where(block > 0, chance[block - 1], 0.0)
+    first = np.cumsum([0, *(len(each) for each in sums)])
+    tile = np.searchsorted(first, block, side="right").astype(np.int32) - 1
+    weight, flat, place = np.ones(count), np.zeros(count, np.int64), np.zeros((count, 2))
     position, normal = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     texel_mm2 = np.zeros(count, np.float32)
-    for k, (raster, p) in enumerate(zip(atlas, points, strict=True)):
+    for k, (raster, p, liked) in enumerate(zip(atlas, points, preference, strict=True)):
         mine = tile == k
-        r = row[mine]
+        r = _rows_of(p.area_mm2, liked, most, *rates, block[mine] - first[k], rest[mine])
         flat[mine], position[mine], normal[mine] = p.flat_index[r], p.position[r], p.normal[r]
         texel_mm2[mine] = p.texel_mm2[r]
         place[mine] = _places(
             raster.face_index, raster.barycentric, p.flat_index[r], mesh.corner_uv, tile_origin(raster.tile)
         )
+        if len(liked):
+            weight[mine] = 1 / (area * (rates[0] + rates[1] * liked[r].astype(np.float64)))
     return Probes(tile, flat, place, position, normal, texel_mm2, weight)
 
 
 def squeezed_share(points: Sequence[TexelPoints]) -> float:
     """Share of the skin in texels that hold more of it than SQUEEZED mean ones."""
-    return _judged(points)[1]
+    area, texels = _area_and_texels(points)
+    judged, judged_texels = _area_and_texels(points, SQUEEZED * area / max(1, texels))
+    return 1 - judged / area if judged_texels < texels else 0.0
 
 
-def _judged(points: Sequence[TexelPoints]) -> tuple[NDArray[np.float32], float]:
-    """Area of each texel of all tiles, 0 where it is not judged, and the share of the skin that is not."""
-    area = np.concatenate([p.area_mm2 for p in points])
-    total = float(area.sum(dtype=np.float64))
-    limit = SQUEEZED * total / max(1, int(np.count_nonzero(area)))
-    if not area.max(initial=0) > limit:
-        return area, 0.0
-    squeezed = area > limit
-    share = float(area[squeezed].sum(dtype=np.float64)) / total
-    area[squeezed] = 0
-    return area, share
+def _most_area(points: Sequence[TexelPoints]) -> float:
+    """Area of a texel up to which it is judged."""
+    area, texels = _area_and_texels(points)
+    return SQUEEZED * area / max(1, texels)
+
+
+def _area_and_texels(points: Sequence[TexelPoints], most: float = np.inf) -> tuple[float, int]:
+    """Of the skin whose texels hold at most so much of it."""
+    none = np.empty(0, np.float32)
+    area, _, texels = np.sum([_block_sums(p.area_mm2, none, most).sum(axis=0) for p in points], axis=0)
+    return float(area), int(texels)
+
+
+def _block_sums(area: NDArray[np.float32], liked: NDArray[np.float32], most: float) -> Float:
+    """Area of each block of texels, area times preference, and number of texels that have area, (B, 3)."""
+    sums = np.zeros((-(-len(area) // _BLOCK), 3))
+    _add_blocks(area, liked, most, sums)
+    return sums
+
+
+@njit(cache=True, parallel=True)
+def _add_blocks(area, liked, most, sums):  # type: ignore[no-untyped-def]
+    for block in prange(len(sums)):
+        total, preferred, texels = 0.0, 0.0, 0
+        for k in range(block * _BLOCK, min((block + 1) * _BLOCK, len(area))):
+            if 0 < area[k] <= most:
+                total += area[k]
+                texels += 1
+                if len(liked):
+                    preferred += np.float64(area[k]) * liked[k]
+        sums[block, 0], sums[block, 1], sums[block, 2] = total, preferred, texels
+
+
+@njit(cache=True)
+def _rows_of(area, liked, most, rate, liked_rate, block, rest):  # type: ignore[no-untyped-def]
+    """The texel of each draw: where the chances of its block, one after another, exceed the rest of the draw."""
+    rows = np.empty(len(block), np.int64)
+    for i in range(len(block)):
+        reached = 0.0
+        for k in range(block[i] * _BLOCK, min((block[i] + 1) * _BLOCK, len(area))):
+            if 0 < area[k] <= most:
+                each = rate + liked_rate * liked[k] if len(liked) else rate
+                reached += np.float64(area[k]) * each
+                if each > 0:
+                    rows[i] = k  # the last one that can be drawn, if rounding leaves a rest
+                if reached > rest[i]:
+                    break
+    return rows
 
 
 def _places(

@@ -21,8 +21,7 @@ from skinbake.diffuse.clusters import LEVELS, MomentPyramid, is_cluster
 from skinbake.diffuse.lanes import LANES, bits_below, load, lowest_bit, mul_add
 from skinbake.diffuse.points import TexelPoints
 
-NARROWING, AMPLITUDE, LIGHT = 0, 1, 2  # columns of a source
-NORMAL = 3  # row of a leaf
+NORMAL, NARROWING, AMPLITUDE, LIGHT = 3, 6, 7, 8  # rows of a leaf; x y z come first
 STACK = 16 * LANES  # of `near_boxes`: a tree of any size needs half of it, the groups to begin from may take the rest
 _FAR2 = np.float32(64)  # squared distance to the next source, in areas of the larger: beyond a leaf's own skin
 _NOWHERE = np.float32(1e18)
@@ -36,21 +35,19 @@ class SourceTree:
 
     Attributes
     ----------
-    source : ndarray of shape (S, 2 + C), float32
-        `NARROWING`, `AMPLITUDE`, and the radiosity from `LIGHT` on.
-    leaf_start : ndarray of shape (N + 1,), int64
-        First source of each leaf.
-    leaf : ndarray of shape (N, 6, 16), float32
-        x y z (mm) and unit normals of a leaf's sources, side by side; far away where there is none.
+    leaf : ndarray of shape (N, 8 + C, 16), float32
+        Sixteen sources side by side: x y z (mm), unit normal, `NARROWING`, `AMPLITUDE`, radiosity from `LIGHT` on. Where
+        there is none it is far away, and all else 0.
+    count : int
+        Of sources.
     box : ndarray of shape (G, 6, 16), float32
         Least x y z and greatest x y z of sixteen boxes; those of the leaves first, then of the groups themselves.
     first_group : ndarray of shape (levels,), int64
         Of each level, leaves first; the last level is one group.
     """
 
-    source: NDArray[np.float32]
-    leaf_start: NDArray[np.int64]
     leaf: NDArray[np.float32]
+    count: int
     box: NDArray[np.float32]
     first_group: NDArray[np.int64]
 
@@ -83,15 +80,13 @@ def source_tree(
         walks.append((points, light, pyramid, order, count))
     total = np.cumsum(np.concatenate([count for *_, count in walks]), axis=0)
     sources, leaves = (int(n) for n in total[-1])
-    source = np.empty((sources, LIGHT + 3 * len(tiles[0][1])), np.float32)
-    leaf_start, leaf, box = np.empty(leaves + 1, np.int64), np.empty((leaves, 6, LANES), np.float32), _no_boxes(leaves)
-    leaf_start[-1] = sources
+    leaf, box = np.empty((leaves, LIGHT + 3 * len(tiles[0][1]), LANES), np.float32), _no_boxes(leaves)
     done = 0
     for points, light, pyramid, order, count in walks:
-        begin = total[done : done + len(count)] - count
+        begin = (total[done : done + len(count)] - count)[:, 1]
         _write(
-            order, begin, count, points.flat_index, points.position, points.normal, points.area_mm2, light,
-            pyramid.moments, pyramid.radiosity, np.float32(variance_mm2), source, leaf_start, leaf, box,
+            order, begin, count[:, 0], points.flat_index, points.position, points.normal, points.area_mm2, light,
+            pyramid.moments, pyramid.radiosity, np.float32(variance_mm2), leaf, box,
         )  # fmt: skip
         done += len(count)
     levels = [box]
@@ -99,7 +94,7 @@ def source_tree(
         levels.append(_no_boxes(len(levels[-1])))
         _enclose(levels[-2], levels[-1])
     first = np.cumsum([0, *(len(level) for level in levels[:-1])])
-    return SourceTree(source, leaf_start, leaf, np.concatenate(levels), first)
+    return SourceTree(leaf, sources, np.concatenate(levels), first)
 
 
 def _roots(shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -176,40 +171,48 @@ def _walk(rows, cols, row_of, position, area, moments, start, width, max_spread,
 
 @njit(cache=True, parallel=True)
 def _write(  # type: ignore[no-untyped-def]
-    order, begin, count, flat_index, position, normal, area, light, moments, mean, variance,
-    source, leaf_start, leaf, box,
+    order, begin, count, flat_index, position, normal, area, light, moments, mean, variance, leaf, box,
 ):  # fmt: skip
     for root in prange(len(order)):
-        s, k, lane = begin[root, 0], begin[root, 1] - 1, 0
-        for i in range(count[root, 0]):
+        k, lane = begin[root] - 1, LANES
+        for i in range(count[root]):
             what = order[root, i]
             if what < 0:
                 what = ~what
+                if i > 0:
+                    _close(leaf[k], lane)
                 k, lane = k + 1, 0
-                leaf_start[k] = s
-                leaf[k, :3], leaf[k, 3:] = _NOWHERE, _ZERO
             at, group, place = what >> 1, k // LANES, k % LANES
             if what & 1:
                 m = moments[at]
                 length = max(np.sqrt(m[5] * m[5] + m[6] * m[6] + m[7] * m[7]), np.float32(1e-12))
                 for axis in range(3):
                     leaf[k, axis, lane], leaf[k, NORMAL + axis, lane] = m[1 + axis], m[5 + axis] / length
-                source[s, NARROWING] = variance / (variance - m[4])
-                source[s, AMPLITUDE] = m[0] * source[s, NARROWING]
+                narrowing = variance / (variance - m[4])
+                leaf[k, NARROWING, lane], leaf[k, AMPLITUDE, lane] = narrowing, m[0] * narrowing
                 for c in range(mean.shape[1]):
-                    source[s, LIGHT + c] = mean[at, c]
+                    leaf[k, LIGHT + c, lane] = mean[at, c]
             else:
                 for axis in range(3):
                     leaf[k, axis, lane], leaf[k, NORMAL + axis, lane] = position[at, axis], normal[at, axis]
-                source[s, NARROWING], source[s, AMPLITUDE] = 1, area[at]
+                leaf[k, NARROWING, lane], leaf[k, AMPLITUDE, lane] = 1, area[at]
                 for each in range(len(light)):
                     for c in range(3):
-                        source[s, LIGHT + 3 * each + c] = light[each, flat_index[at], c]
+                        leaf[k, LIGHT + 3 * each + c, lane] = light[each, flat_index[at], c]
             for axis in range(3):
                 box[group, axis, place] = min(box[group, axis, place], leaf[k, axis, lane])
                 box[group, 3 + axis, place] = max(box[group, 3 + axis, place], leaf[k, axis, lane])
-            s += 1
             lane += 1
+        if count[root] > 0:
+            _close(leaf[k], lane)
+
+
+@njit(cache=True)
+def _close(leaf, sources):  # type: ignore[no-untyped-def]
+    """Fill the places of a leaf beyond its sources."""
+    for lane in range(sources, LANES):
+        leaf[:, lane] = _ZERO
+        leaf[:3, lane] = _NOWHERE
 
 
 @njit(cache=True, inline="always")
@@ -266,9 +269,8 @@ def tree_node(group, level):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def near_sources(leaves, k, low, high, radius2):  # type: ignore[no-untyped-def]
-    """Bits of the sources of leaf k (`leaves` is `SourceTree.leaf`, flat) within a distance of a box."""
-    base = k * (6 * LANES)
+def near_sources(leaves, base, low, high, radius2):  # type: ignore[no-untyped-def]
+    """Bits of a leaf's sources within a distance of a box; `leaves` is `SourceTree.leaf`, flat, `base` the leaf's first."""
     x, y, z = load(leaves, base), load(leaves, base + LANES), load(leaves, base + 2 * LANES)
     dx = max(max(x - high[0], low[0] - x), _ZERO)
     dy = max(max(y - high[1], low[1] - y), _ZERO)
@@ -277,16 +279,15 @@ def near_sources(leaves, k, low, high, radius2):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def sources_around(leaves, k, x, y, z, radius2):  # type: ignore[no-untyped-def]
-    """Bits of the sources of leaf k within a distance of a point."""
-    base = k * (6 * LANES)
+def sources_around(leaves, base, x, y, z, radius2):  # type: ignore[no-untyped-def]
+    """Bits of a leaf's sources within a distance of a point."""
     dx, dy, dz = load(leaves, base) - x, load(leaves, base + LANES) - y, load(leaves, base + 2 * LANES) - z
     return bits_below(mul_add(dx, dx, mul_add(dy, dy, dz * dz)), radius2)
 
 
 @njit(cache=True, inline="always")
-def opposite_sources(leaves, k, ax, ay, az, sine):  # type: ignore[no-untyped-def]
-    """Bits of the sources of leaf k whose normals lie less than `sine` along an axis."""
-    base = (k * 6 + NORMAL) * LANES
+def opposite_sources(leaves, base, ax, ay, az, sine):  # type: ignore[no-untyped-def]
+    """Bits of a leaf's sources whose normals lie less than `sine` along an axis."""
+    base += NORMAL * LANES
     across = mul_add(load(leaves, base + LANES), ay, load(leaves, base + 2 * LANES) * az)
     return bits_below(mul_add(load(leaves, base), ax, across), sine)

@@ -114,7 +114,7 @@ def surface_blur(
     ----------
     light : SurfaceLight
     target : sequence of TexelPoints
-        Of any texture size, made with `light.centre_mm` and `extend=True`.
+        Of any texture size, `extended_points` about `light.centre_mm`.
 
     Returns
     -------

@@ -232,14 +232,16 @@ def _weighted_windows(  # type: ignore[no-untyped-def]
     height, width, channels = image.shape
     for p in prange(len(out)):
         wy, wx = weights_y[which_y[p]], weights_x[which_x[p]]
-        total = np.zeros(channels)
-        line = np.zeros(channels)
+        low, high = max(-first_x[p], 0), min(len(wx), width - first_x[p])
+        column = np.zeros(max(high - low, 0) * channels)  # of the window, blurred along y only
         for i in range(max(-first_y[p], 0), min(len(wy), height - first_y[p])):
-            line[:] = 0.0
-            for j in range(max(-first_x[p], 0), min(len(wx), width - first_x[p])):
-                for c in range(channels):
-                    line[c] += wx[j] * image[first_y[p] + i, first_x[p] + j, c]
-            total += wy[i] * line
+            row = image[first_y[p] + i, first_x[p] + low : first_x[p] + high].reshape(-1)
+            for k in range(len(column)):
+                column[k] += wy[i] * row[k]
+        total = np.zeros(channels)
+        for j in range(low, high):
+            for c in range(channels):
+                total[c] += wx[j] * column[(j - low) * channels + c]
         if total[-1] > no_coverage * wy.max() * wx.max():
             for c in range(channels - 1):
                 out[p, c] = total[c] / total[-1]

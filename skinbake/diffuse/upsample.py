@@ -1,7 +1,7 @@
 """A smooth field on the skin, from every second texel to every texel, wherever that is safe.
 
 A lobe a few texels wide need not be summed at each texel: cubic interpolation of every second one is wrong by at most
-0.0094 (h / sigma)^4 of a hard edge, h the distance of the texels used. Whether the texels around one really are its
+0.0094 (h / sigma)^4 of a hard edge, h the distance of the texels used; by half of that, rms, along the edge. Whether the texels around one really are its
 neighbours on the skin is not asked of the UVs: the same interpolation is done with their positions, and must give the
 position of the texel itself. Seams, charts' borders, folds of the layout and strong stretch all fail that test; what
 fails is summed directly.
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from skinbake.diffuse.points import TexelPoints
 
 MAX_GAP = 1.1  # of sigma, between the texels interpolated, however loose the tolerance
-EDGE_ERROR = 0.0094  # see above
+EDGE_ERROR = 0.0047  # see above
 MAX_MISS = 0.06  # of sigma, between the interpolated position and the true one
 
 # Lagrange's cubic at a quarter of the way: the fine texel's centre between the coarse ones
@@ -25,7 +25,7 @@ _INFINITE = np.float32(np.inf)
 
 
 def widest_gap(tolerance: float) -> float:
-    """Distance, in sigma, of the texels interpolated that keeps a hard edge within `tolerance` of its height."""
+    """Distance, in sigma, of the texels interpolated that keeps a hard edge within `tolerance` of its height, rms."""
     return min(MAX_GAP, float((tolerance / EDGE_ERROR) ** 0.25))
 
 

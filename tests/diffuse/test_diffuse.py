@@ -183,7 +183,7 @@ def test_probes_are_drawn_by_area():
     left = [(draw_probes(atlas, mesh, points, 4000, 0, s).place[:, 1] < 0.5).mean() for s in (0, 1)]
     assert left == pytest.approx([0.9, 0.9], abs=0.02)
     assert left[0] != left[1]
-    preferred = draw_probes(atlas, mesh, points, 4000, 0, 1, (points[0].position[:, 0] > 0).astype(np.float32))
+    preferred = draw_probes(atlas, mesh, points, 4000, 0, 1, [(points[0].position[:, 0] > 0).astype(np.float32)])
     weight = preferred.weight * (preferred.place[:, 1] < 0.5)
     assert weight.mean() == pytest.approx(0.9, abs=0.03)
 

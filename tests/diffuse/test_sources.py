@@ -9,6 +9,7 @@ from skinbake.diffuse.sources import (
     AMPLITUDE,
     LIGHT,
     NARROWING,
+    NORMAL,
     STACK,
     near_boxes,
     near_sources,
@@ -30,17 +31,16 @@ def light():
     return surface_light([rng.random((2, 117, 150, 3)).astype(np.float32) for _ in atlas], atlas, mesh)
 
 
-def places(tree):
-    """Positions and normals of the sources, both (S, 3)."""
-    there = np.arange(LANES) < np.diff(tree.leaf_start)[:, None]
-    geometry = tree.leaf.transpose(0, 2, 1)[there]
-    return geometry[:, :3], geometry[:, 3:]
+def sources(tree):
+    """All of a tree, (S, 8 + C)."""
+    return tree.leaf.transpose(0, 2, 1)[tree.leaf[:, AMPLITUDE] > 0]
 
 
 def test_every_texel_that_has_area_is_a_source_once(light):
     """With its own place, area and light, whatever the order."""
     tree = source_tree(light.tiles)
-    found = np.column_stack([*places(tree), tree.source])
+    found = sources(tree)
+    assert len(found) == tree.count
     want = []
     for points, rgb, _ in light.tiles:
         skin = points.area_mm2 > 0
@@ -56,24 +56,25 @@ def test_every_texel_that_has_area_is_a_source_once(light):
 def test_clusters_keep_area_centroid_and_light(light, spread, fewer):
     """Fewer sources, the same moments."""
     texels, tree = source_tree(light.tiles), source_tree(light.tiles, spread, 4.0)
-    assert len(tree.source) < fewer * len(texels.source)
+    assert tree.count < fewer * texels.count
     moments = []
-    for each in (texels, tree):
-        area = (each.source[:, AMPLITUDE] / each.source[:, NARROWING]).astype(np.float64)
-        about = np.column_stack([np.ones(len(area)), places(each)[0], each.source[:, LIGHT:]])
+    for each in (sources(texels), sources(tree)):
+        area = (each[:, AMPLITUDE] / each[:, NARROWING]).astype(np.float64)
+        about = np.column_stack([np.ones(len(area)), each[:, :3], each[:, LIGHT:]])
         moments.append(area @ about)
     np.testing.assert_allclose(moments[0], moments[1], rtol=2e-5, atol=2e-5 * moments[0][0] * 30)
-    assert tree.source[:, NARROWING].min() >= 1
-    assert tree.source[:, NARROWING].max() <= 4 / (4 - spread) + 1e-6
+    assert sources(tree)[:, NARROWING].min() >= 1
+    assert sources(tree)[:, NARROWING].max() <= 4 / (4 - spread) + 1e-6
 
 
 def test_boxes_enclose_what_is_below_them(light):
-    """Leaves their sources, groups their boxes, up to one group; no leaf has none or more than sixteen."""
+    """Leaves their sources, groups their boxes, up to one group; no leaf is empty, none has a gap in it."""
     tree = source_tree(light.tiles)
-    count = np.diff(tree.leaf_start)
-    assert count.min() >= 1
-    assert count.max() <= LANES
-    inside = np.where((np.arange(LANES) < count[:, None])[:, None], tree.leaf[:, :3], np.nan)
+    there = tree.leaf[:, AMPLITUDE] > 0
+    assert there[:, 0].all()
+    assert (there[:, :-1] >= there[:, 1:]).all()
+    assert (tree.leaf.transpose(0, 2, 1)[~there][:, :3] > 1e15).all()
+    inside = np.where(there[:, None], tree.leaf[:, :3], np.nan)
     low, high = np.nanmin(inside, axis=2), np.nanmax(inside, axis=2)
     for level, start in enumerate(tree.first_group):
         stop = tree.first_group[level + 1] if level + 1 < len(tree.first_group) else len(tree.box)
@@ -88,8 +89,9 @@ def test_boxes_enclose_what_is_below_them(light):
 def test_the_search_finds_exactly_what_is_near(light, size):
     """Against all distances, from the root and from a level on the way."""
     tree = source_tree(light.tiles)
-    position, normal = places(tree)
-    leaf = np.repeat(np.arange(len(tree.leaf)), np.diff(tree.leaf_start))
+    there = tree.leaf[:, AMPLITUDE] > 0
+    position, normal = sources(tree)[:, :3], sources(tree)[:, NORMAL : NORMAL + 3]
+    leaf = np.nonzero(there)[0]
     stack, found = np.empty(STACK, np.int64), np.empty(len(tree.leaf), np.int64)
     flat, boxes = tree.leaf.reshape(-1), tree.box.reshape(-1)
     for at, axis in zip(position[::997], normal[::997], strict=True):
@@ -110,10 +112,9 @@ def test_the_search_finds_exactly_what_is_near(light, size):
         }
         for search, arguments, want in tests.values():
             near = leaves if search is not opposite_sources else np.arange(len(tree.leaf))
-            bits = [search(flat, k, *arguments) for k in near]
-            got = np.zeros(len(position), bool)
-            for k, each in zip(near, bits, strict=True):
-                first, last = tree.leaf_start[k], tree.leaf_start[k + 1]
-                got[first:last] = each >> np.arange(last - first) & 1
+            found_in = np.zeros(there.shape, bool)
+            for k in near:
+                found_in[k] = search(flat, k * tree.leaf[0].size, *arguments) >> np.arange(LANES) & 1
+            got = found_in[there]
             assert np.count_nonzero(got != want) <= 1 + len(position) // 5000  # a distance that rounds across
             assert set(leaf[want & got]) <= set(near)

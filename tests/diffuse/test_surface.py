@@ -9,16 +9,16 @@ import pytest
 
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.diffuser import Diffuser
-from skinbake.diffuse.points import texel_points
+from skinbake.diffuse.points import extended_points, texel_points
 from skinbake.diffuse.probes import draw_probes
 from skinbake.diffuse.reference import reference_integral
 from skinbake.diffuse.separate import passes
-from skinbake.diffuse.sources import AMPLITUDE, LIGHT
+from skinbake.diffuse.sources import AMPLITUDE, LIGHT, NORMAL
 from skinbake.diffuse.surface import surface_blur, surface_light
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
 from tests.diffuse.exact import brute_force
-from tests.diffuse.test_sources import places
+from tests.diffuse.test_sources import sources
 from tests.shapes import joined, quad, relief, sphere
 
 
@@ -44,15 +44,15 @@ def _bumps(height_mm=18.0):
 def test_reference_equals_brute_force(variance, separate):
     """To 1e-6, for lobes from a third of a texel up: nothing of the neighbour search shows."""
     mesh, atlas, (light,) = _bumps()
-    flat = surface_light([light], atlas, mesh)
-    texels = flat.texels
-    points = flat.tiles[0][0]
+    skin = surface_light([light], atlas, mesh)
+    texels, points = skin.texels, skin.tiles[0][0]
     pick = np.flatnonzero(points.area_mm2 > 0)[::301]
     coarse = np.full(len(pick), 1e-6, np.float32)  # lobes are not widened to the lattice here
+    each = sources(texels)
     got = reference_integral(texels, points.position[pick], points.normal[pick], coarse, variance, separate)
     want = brute_force(
-        points.position[pick], points.normal[pick], *places(texels),
-        texels.source[:, AMPLITUDE], texels.source[:, LIGHT:].astype(float), variance, separate,
+        points.position[pick], points.normal[pick], each[:, :3], each[:, NORMAL : NORMAL + 3],
+        each[:, AMPLITUDE], each[:, LIGHT:].astype(float), variance, separate,
     )  # fmt: skip
     np.testing.assert_allclose(got, want, atol=1e-6)
 
@@ -240,6 +240,6 @@ def test_extended_gutter_points_continue_the_plane():
     """Beside a flat quad's chart the points go on at the texels' own pace."""
     mesh = quad(100, 80, uv_box=(0.2, 0.2, 0.8, 0.8))
     atlas = rasterize(mesh, (50, 50), gutter=4)
-    points = texel_points(atlas[0], mesh, np.zeros(3), extend=True)
+    points = extended_points(texel_points(atlas[0], mesh, np.zeros(3)), atlas[0], mesh, np.zeros(3))
     row = points.position[points.row[25, 8:41]]
     np.testing.assert_allclose(np.diff(row[1:-1, 0]), 100 / 30, rtol=0.02)
