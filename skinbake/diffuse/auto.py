@@ -3,10 +3,13 @@
 Candidates are tried at planning probes only (a surface sum needs no more than the texels that a reader of the probe
 would touch), against the exact integral there. Half of these probes are drawn where the light changes, for that is
 where errors are. Errors of lobes are added as they are, with their signs and weights, so a lobe of little weight may be
-rough. Surface sums cost the most to try and are the most exact: each is taken for exact until a search has chosen it,
-is then tried, and the search done again. The search starts from the most accurate candidate of each lobe and takes, one after
-another, the exchange that saves most for the error it adds, while the verifying probes can be expected to find the sum
-within the tolerance: its mean square error plus two standard deviations of what that many probes would measure.
+rough. Surface sums cost the most to try and are the most exact: they are taken for exact until a search has chosen
+them, are then tried, and the search done again.
+
+A search starts from the most accurate candidate of each lobe and takes, one after another, the exchange that saves most
+for the error it adds, while the verifying probes can be expected to find the sum within the tolerance: its mean square
+error plus two standard deviations of what that many probes would measure. What no probe has hit is not in these:
+texture space alone is wrong in few places, but there by more than the light itself, so it pays a premium for that.
 
 A root mean square forgives what an eye does not: a line along a seam, far off but thin. So no exchange may leave more
 than three thousandths of the skin further off than ten tolerances, or than a tenth of the mean.
@@ -35,11 +38,16 @@ MAX_LEVELS = 4
 PEAK = 10.0  # tolerances of the mean
 SEEN = 0.1  # of the mean: no less than this counts as a peak
 PEAK_SHARE = 0.003  # of the skin may be further off
+LOOSE = (2.0, 8.0)  # tolerances that the blur of a hybrid lobe may be off by, as predicted
+_SCATTERED = 2.0  # lanes to a texel that is summed, where its neighbours are not
 # Seconds a texel, of the two-core machine this was tuned on: only their ratios matter, nothing is timed in a bake
 _WRITE = 7e-8
-_TEXTURE = 4e-9
-_PAIR = 2.2e-10
+_RISK = 2e-8  # that a lobe left to texture space alone fails at probes which no plan saw: a second plan
+_TEXTURE = 8e-9
+_PREDICT = 4e-9
+_PAIR = 1.8e-10
 _SURFACE = 2.5e-8
+_SOURCE = 2.2e-8
 _INTERPOLATE = 1.2e-8
 _SUMMED = (1.0, 0.12, 0.04)  # share of texels that is not interpolated, from the first size summed on
 
@@ -57,12 +65,13 @@ class Candidate:
     error : float
         Of this lobe alone, relative rms.
     tried : bool
-        False: `read` is the exact integral, for now.
+        False: in `read` sums are the exact integral, for now.
     """
 
     method: str
     level: int
     spacing: float
+    threshold: float
     cost: float
     read: Float
     error: float
@@ -134,33 +143,43 @@ def plan_auto(
 def _candidates(diffuser: Diffuser, variance: float, probes: Probes, exact: Float, half: bool) -> list[Candidate]:
     """The identity first; surface sums untried."""
     judge = _Judge(exact, probes.weight, len(probes))
+    lights, spacing = diffuser.lights, cluster_spacing(diffuser.spec.tolerance)
+    found: list[Candidate] = []
 
-    def candidate(method: str, level: int, cost: float, read: Float) -> Candidate:
-        cost += _WRITE * _texels(diffuser, level) * diffuser.lights
-        return Candidate(method, level, 0.0, cost, read, judge.rms(read - exact))
+    def add(method: str, level: int, threshold: float, cost: float, read: Float) -> None:
+        cost += _WRITE * _texels(diffuser, level) * lights
+        tried = method in ("identity", "texture")
+        cost += _RISK * _texels(diffuser, 0) * lights * tried
+        of_sums = 0.0 if tried else spacing
+        found.append(Candidate(method, level, of_sums, threshold, cost, read, judge.rms(read - exact), tried))
 
-    found = [candidate("identity", 0, 0.0, diffuser.read(diffuser.source, probes, half))]
-    texels2 = min(diffuser.variance_texels2(variance))
-    if texels2 < IDENTITY_TEXELS2:
+    add("identity", 0, 0.0, 0.0, diffuser.read(diffuser.source, probes, half))
+    if min(diffuser.variance_texels2(variance)) < IDENTITY_TEXELS2:
         return found
     coarsest = min(widest_level(diffuser.variance_texels2(variance)), MAX_LEVELS)
-    texture = diffuser.at("texture", variance, 0, 0.0, probes)
-    # Where the method itself is far off, its stored sizes need no map
-    promising = judge.rms(texture - exact) < found[0].error
-    for level in range(coarsest + 1) if promising else ():
-        read = texture if level == 0 else diffuser.read_texture(variance, level, probes)
-        found.append(candidate("texture", level, _TEXTURE * _texels(diffuser, level) * diffuser.lights, read))
-    spacing = cluster_spacing(diffuser.spec.tolerance)
+    sources = _SOURCE * _sources(diffuser, variance, spacing)
     for level in range(coarsest + 1):
-        sums = candidate("surface", level, _surface_cost(diffuser, variance, level, spacing), exact)
-        found.append(replace(sums, spacing=spacing, tried=False))
+        texels = _texels(diffuser, level)
+        blur = _TEXTURE * texels * lights
+        thresholds = [loose * diffuser.spec.tolerance for loose in LOOSE]
+        texture, shares = diffuser.hybrid_blur(variance, level, thresholds, probes)
+        add("texture", level, 0.0, blur, texture)
+        for threshold, share in zip(thresholds, shares, strict=True):
+            summed = float(np.mean(probes.weight[:, None] * (share > 0))) * _SCATTERED
+            each = _PREDICT + summed * _sum_cost(diffuser, variance, level, spacing, 1)
+            read = texture + np.repeat(share, 3, axis=1) * (exact - texture)
+            add("hybrid", level, threshold, blur + each * lights * texels + sources, read)
+        add("surface", level, 0.0, _surface_cost(diffuser, variance, level, spacing) + sources, exact)
     return found
 
 
-def _tried(diffuser: Diffuser, variance: float, probes: Probes, exact: Float, sums: Candidate) -> Candidate:
-    """A surface sum with what it reads at the probes."""
-    read = diffuser.read_surface(variance, sums.level, sums.spacing, probes)
-    return replace(sums, read=read, error=_Judge(exact, probes.weight, len(probes)).rms(read - exact), tried=True)
+def _tried(diffuser: Diffuser, variance: float, probes: Probes, exact: Float, lobe: Candidate) -> Candidate:
+    """A candidate with what its sums read at the probes."""
+    if lobe.method == "hybrid":
+        read = diffuser.read_hybrid(variance, lobe.level, lobe.spacing, lobe.threshold, probes)
+    else:
+        read = diffuser.read_surface(variance, lobe.level, lobe.spacing, probes)
+    return replace(lobe, read=read, error=_Judge(exact, probes.weight, len(probes)).rms(read - exact), tried=True)
 
 
 def _texels(diffuser: Diffuser, level: int) -> int:
@@ -169,16 +188,35 @@ def _texels(diffuser: Diffuser, level: int) -> int:
 
 
 def _surface_cost(diffuser: Diffuser, variance: float, level: int, spacing: float) -> float:
-    texel = diffuser.surface.mean_texel_mm2
-    side2 = max(0.5 * spacing**2 * variance, texel)  # clusters are between the widest and a quarter of it
     cost, first = 0.0, level
     while diffuser.interpolates(variance, first):
         first += 1
     for finer, summed in zip(range(first, level - 1, -1), (*_SUMMED, *(_SUMMED[-1],) * first), strict=False):
-        pairs = np.pi * ((diffuser.cut + 1) ** 2 * variance + 4 * texel * 4**finer) / side2
-        each = summed * (_SURFACE + _PAIR * pairs * (1 + diffuser.lights) / 2) + _INTERPOLATE * diffuser.lights
-        cost += _texels(diffuser, finer) * each
+        each = summed * _sum_cost(diffuser, variance, finer, spacing, diffuser.lights)
+        cost += _texels(diffuser, finer) * (each + _INTERPOLATE * diffuser.lights)
     return cost
+
+
+def _sum_cost(diffuser: Diffuser, variance: float, level: int, spacing: float, lights: int) -> float:
+    """Of one texel."""
+    texel = diffuser.surface.mean_texel_mm2
+    pairs = (
+        np.pi * ((diffuser.cut + 1) ** 2 * variance + 4 * texel * 4**level) / _source_mm2(diffuser, variance, spacing)
+    )
+    return float(_SURFACE + _PAIR * pairs * (1 + lights) / 2)
+
+
+def _source_mm2(diffuser: Diffuser, variance: float, spacing: float) -> float:
+    """Skin of one source: clusters are between the widest and a quarter of it."""
+    return max(0.5 * spacing**2 * variance, diffuser.surface.mean_texel_mm2)
+
+
+def _sources(diffuser: Diffuser, variance: float, spacing: float) -> float:
+    """Number of sources that a lobe needs for itself; single texels the probes need too."""
+    if diffuser.sums_texels("surface", variance, spacing):
+        return 0.0
+    texel = diffuser.surface.mean_texel_mm2
+    return _texels(diffuser, 0) * texel / _source_mm2(diffuser, variance, spacing)
 
 
 class _Judge:
@@ -221,13 +259,15 @@ def _search(options: list[list[Candidate]], weight_rgb: Float, judge: _Judge, li
     """Indices into `options`."""
     lights = judge.want.shape[1] // 3
     weights = [np.tile(w, lights) for w in weight_rgb]
-    chosen = [min(range(len(lobe)), key=[(c.error, c.cost) for c in lobe].__getitem__) for lobe in options]
+    useful = [_undominated(lobe) for lobe in options]
+    chosen = [of_lobe[-1] for of_lobe in useful]
     total = sum(lobe[k].read * w for lobe, k, w in zip(options, chosen, weights, strict=True)) - judge.want
     while True:
         here, peaks = judge.unlucky_rms(total), max(judge.peaks(total), PEAK_SHARE)
         best: tuple[float, int, int, Float] | None = None
         for i, lobe in enumerate(options):
-            for k, candidate in enumerate(lobe):
+            for k in useful[i]:
+                candidate = lobe[k]
                 saved = lobe[chosen[i]].cost - candidate.cost
                 if saved <= 0:
                     continue
@@ -242,6 +282,15 @@ def _search(options: list[list[Candidate]], weight_rgb: Float, judge: _Judge, li
             return chosen
         _, i, k, total = best
         chosen[i] = k
+
+
+def _undominated(lobe: list[Candidate]) -> list[int]:
+    """Candidates that none is both cheaper and less wrong than; the least wrong comes last."""
+    found: list[int] = []
+    for k in sorted(range(len(lobe)), key=lambda k: (lobe[k].cost, lobe[k].error)):
+        if not found or lobe[k].error < lobe[found[-1]].error:
+            found.append(k)
+    return found
 
 
 def _explain(
@@ -262,4 +311,4 @@ def _explain(
         why += f"; {other.method} at size / {2**other.level} would make the sum wrong by {with_other:.3%}"
     if taken.method != "identity":
         why += f"; left unblurred the lobe is wrong by {lobe[0].error:.3%}"
-    return LobePlan(taken.method, taken.level, taken.spacing, why)
+    return LobePlan(taken.method, taken.level, taken.spacing, taken.threshold, why)

@@ -114,6 +114,38 @@ def _of_texels(flat_index, columns, blocks, width, changes):  # type: ignore[no-
         changes[k] = blocks[(row >> 1) * width + (col >> 1)]
 
 
+def bending(pyramid: MomentPyramid) -> NDArray[np.float32]:
+    """How far each block's light is from halfway between that of its neighbours, the largest of a light's channels.
+
+    Along rows or columns, whichever is more, where both neighbours are there.
+
+    Returns
+    -------
+    ndarray of shape (B, L), float32
+    """
+    bend = np.zeros((len(pyramid.moments), pyramid.radiosity.shape[1] // 3), np.float32)
+    stop = np.append(pyramid.start[1:], len(bend))
+    for start, end, width in zip(pyramid.start, stop, pyramid.width, strict=True):
+        _bending(pyramid.moments[start:end, 0], pyramid.radiosity[start:end], width, bend[start:end])
+    return bend
+
+
+@njit(cache=True, parallel=True)
+def _bending(area, light, width, bend):  # type: ignore[no-untyped-def]
+    for k in prange(len(area)):
+        if area[k] <= 0:
+            continue
+        for step, first, last in (
+            (1, k % width == 0, k % width == width - 1),
+            (width, k < width, k + width >= len(area)),
+        ):
+            if first or last or area[k - step] <= 0 or area[k + step] <= 0:
+                continue
+            for c in range(light.shape[1]):
+                middle = np.float32(0.5) * (light[k - step, c] + light[k + step, c])
+                bend[k, c // 3] = max(bend[k, c // 3], abs(light[k, c] - middle))
+
+
 @njit(cache=True, parallel=True)
 def _first_level(row_of, position, normal, area, radiosity, out, mean):  # type: ignore[no-untyped-def]
     height, width = row_of.shape

@@ -151,7 +151,7 @@ def _make(
     unreduced, read = {}, {}
     # What lobes share is larger than they are: first those of single texels, then those of pyramids, each let go
     share = [
-        0 if diffuser.sums_texels(p.method, v, p.spacing) else 1 if p.method == "texture" else 2
+        0 if diffuser.sums_texels(p.method, v, p.spacing) else 1 if p.method in ("texture", "hybrid") else 2
         for p, v in zip(plans, variances, strict=True)
     ]
     for i in sorted(range(len(plans)), key=share.__getitem__):
@@ -161,13 +161,13 @@ def _make(
             diffuser.drop_pyramids()
         plan, variance = plans[i], variances[i]
         tell(f"lobe {i}: {plan.method}")
-        made[i] = diffuser.map(plan.method, variance, plan.level, plan.spacing)
+        made[i] = diffuser.map(plan.method, variance, plan.level, plan.spacing, plan.threshold)
         if len(probes):
             tell(f"measuring lobe {i}")
             if plan.method == "stretch":  # has no result of its own between the texels that it was made at
                 unreduced[i] = diffuser.read(made[i], probes, half=False)
             else:
-                unreduced[i] = diffuser.at(plan.method, variance, plan.level, plan.spacing, probes)
+                unreduced[i] = diffuser.at(plan.method, variance, plan.level, plan.spacing, probes, plan.threshold)
             read[i] = diffuser.read(made[i], probes, precision == "half")
         diffuser.forget(variance)
     lobes = [made[i] for i in range(len(plans))]

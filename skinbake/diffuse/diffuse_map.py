@@ -21,7 +21,7 @@ class Lobe:
     variance_mm2 : float
     weight_rgb : tuple of 3 floats
     method : str
-        "identity", "texture", "stretch", "surface" or "reference".
+        "identity", "texture", "stretch", "hybrid", "surface" or "reference".
     rgb : dict of int to ndarray of shape (L, h, w, 3), float32
         By tile; h, w may be smaller than the texture and are then read by bilinear lookup at the same (u, v).
         Gutter filled, so that bilinear reading is right up to the chart's border.

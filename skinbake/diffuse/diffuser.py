@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, Atlas, rasterize
+from skinbake.diffuse.clusters import bending
 from skinbake.diffuse.gather import cut_sigma, gather
+from skinbake.diffuse.hybrid import Predictor
 from skinbake.diffuse.points import TexelPoints, copy_gutter, extended_points, texel_points
 from skinbake.diffuse.probes import Probes, bilinear_texels, read_bilinear
 from skinbake.diffuse.reference import reference_integral
@@ -26,6 +28,8 @@ from skinbake.diffuse.stretch import (
 from skinbake.diffuse.surface import SurfaceLight, lobe_sources, sums_texels, surface_light
 from skinbake.diffuse.texture import (
     TexturePyramid,
+    blur_at,
+    level_margin,
     level_size,
     mean_mm_per_texel,
     read_texture,
@@ -88,7 +92,11 @@ class Diffuser:
         """Skin points of each tile's texels at a stored size, continued beyond the charts' borders."""
         if level not in self._targets:
             atlas, centre = self.level_atlas(level), self.surface.centre_mm
-            own = [p for p, _, _ in self.surface.tiles] if level == 0 else [texel_points(r, self.mesh, centre) for r in atlas]
+            own = (
+                [p for p, _, _ in self.surface.tiles]
+                if level == 0
+                else [texel_points(r, self.mesh, centre) for r in atlas]
+            )
             self._targets[level] = [extended_points(p, r, self.mesh, centre) for p, r in zip(own, atlas, strict=True)]
         return self._targets[level]
 
@@ -108,7 +116,7 @@ class Diffuser:
 
     def sums_texels(self, method: str, variance_mm2: float, spacing: float) -> bool:
         """Whether a lobe is summed over single texels."""
-        return method == "surface" and sums_texels(self.surface, variance_mm2, spacing)
+        return method in ("surface", "hybrid") and sums_texels(self.surface, variance_mm2, spacing)
 
     def drop_texels(self) -> None:
         """Let the single texels go; they are larger than a lobe."""
@@ -119,8 +127,18 @@ class Diffuser:
         """Let the premultiplied images go."""
         self.__dict__.pop("pyramids", None)
 
-    def map(self, method: str, variance_mm2: float, level: int, spacing: float) -> Tiles:
-        """One lobe at a stored size, (L, h, w, 3) a tile."""
+    @cached_property
+    def mean_light(self) -> list[float]:
+        """Mean of each light over the skin and its three channels."""
+        total, area = np.zeros(3 * self.lights), 0.0
+        for _, _, pyramid in self.surface.tiles:
+            blocks = slice(pyramid.start[-1], None)
+            weight = pyramid.moments[blocks, 0].astype(np.float64)
+            total, area = total + weight @ pyramid.radiosity[blocks].astype(np.float64), area + weight.sum()
+        return [float(mean) for mean in (total / max(area, 1e-30)).reshape(self.lights, 3).mean(axis=1)]
+
+    def map(self, method: str, variance_mm2: float, level: int, spacing: float, threshold: float = 0.0) -> Tiles:
+        """One lobe at a stored size, (L, h, w, 3) a tile; `LobePlan` tells what the arguments are."""
         if method == "identity":
             return list(self.source)
         if method == "texture":
@@ -131,13 +149,17 @@ class Diffuser:
             ]
         if method == "stretch":
             return self._stretch_map(variance_mm2, level)
+        if method == "hybrid":
+            return self._hybrid_map(variance_mm2, level, spacing, threshold)
         if method == "surface":
             return self._surface_map(variance_mm2, level, spacing)
         if method == "reference":
             return self._reference_map(variance_mm2, level)
-        raise ValueError(f"method: expected identity, texture, stretch, surface or reference, got {method}")
+        raise ValueError(f"method: expected identity, texture, stretch, hybrid, surface or reference, got {method}")
 
-    def at(self, method: str, variance_mm2: float, level: int, spacing: float, probes: Probes) -> Float:
+    def at(
+        self, method: str, variance_mm2: float, level: int, spacing: float, probes: Probes, threshold: float = 0.0
+    ) -> Float:
         """The same lobe at probe points as the method gives it before any storage, (P, 3 L)."""
         if method == "identity":
             return self.at_texel(probes)
@@ -145,6 +167,16 @@ class Diffuser:
             return texture_at(self.pyramids, self.variance_texels2(variance_mm2), level, probes)
         if method == "stretch":
             return self.read(self.map(method, variance_mm2, level, spacing), probes, half=False)
+        if method == "hybrid":
+            blurred = texture_at(self.pyramids, self.variance_texels2(variance_mm2), level, probes)
+            share = np.zeros((len(probes), self.lights), np.float32)
+            for k in range(len(self.atlas)):
+                mine = np.flatnonzero(probes.tile == k)
+                flat = self._texel_of(probes, mine, level)
+                texels = self._blurred(k, variance_mm2, level, flat)
+                share[mine] = self._predictor(k, level).shares_of_texels(variance_mm2, threshold, flat, *texels)
+            sums = self._surface_points(variance_mm2, spacing, probes.position, probes.normal, probes.texel_mm2)
+            return blurred + np.repeat(share, 3, axis=1) * (sums - blurred)
         if method == "surface":
             return self._surface_points(variance_mm2, spacing, probes.position, probes.normal, probes.texel_mm2)
         return self.reference(variance_mm2, probes)
@@ -162,19 +194,46 @@ class Diffuser:
         """What reading a stored `surface` lobe will give at the probes, from the four texels around each only."""
         out = np.zeros((len(probes), 3 * self.lights))
         for k, points in enumerate(self.targets(level)):
-            mine = probes.tile == k
-            height, width = points.row.shape
-            flat, weight = bilinear_texels(probes.place[mine], height, width)
+            mine = np.flatnonzero(probes.tile == k)
+            flat, weight = bilinear_texels(probes.place[mine], *points.row.shape)
             # Texel by texel of each probe in turn, so that the four share a batch; those without weight are left out
             row = points.row.reshape(-1)[flat.reshape(-1)]
             needed = np.flatnonzero((weight.reshape(-1) > 1e-6) & (row >= 0))
-            shown = row[needed]
             values = np.zeros((flat.size, out.shape[1]))
-            values[needed] = self._surface_points(
-                variance_mm2, spacing, points.position[shown], points.normal[shown], points.texel_mm2[shown]
-            )
-            out[mine] = (values.reshape(*flat.shape, -1) * weight[..., None]).sum(axis=1)
+            values[needed] = self._texel_sums(variance_mm2, spacing, points, row[needed])
+            out[mine] = np.einsum("pkc,pk->pc", values.reshape(*flat.shape, -1), weight)
         return out
+
+    def read_hybrid(self, variance_mm2: float, level: int, spacing: float, threshold: float, probes: Probes) -> Float:
+        """What reading a stored `hybrid` lobe will give at the probes."""
+        out = np.zeros((len(probes), 3 * self.lights))
+        for k, points in enumerate(self.targets(level)):
+            mine = np.flatnonzero(probes.tile == k)
+            flat, weight = bilinear_texels(probes.place[mine], *points.row.shape)
+            values, mass = self._blurred(k, variance_mm2, level, flat.reshape(-1))
+            share = self._predictor(k, level).shares_of_texels(variance_mm2, threshold, flat.reshape(-1), values, mass)
+            needed = np.flatnonzero((weight.reshape(-1) > 1e-6) & share.any(axis=1))
+            sums = self._texel_sums(variance_mm2, spacing, points, points.row.reshape(-1)[flat.reshape(-1)[needed]])
+            values[needed] += np.repeat(share[needed], 3, axis=1) * (sums - values[needed])
+            out[mine] = np.einsum("pkc,pk->pc", values.reshape(*flat.shape, -1), weight)
+        return out
+
+    def hybrid_blur(
+        self, variance_mm2: float, level: int, thresholds: Sequence[float], probes: Probes
+    ) -> tuple[Float, list[Float]]:
+        """Of stored `hybrid` lobes: what the blur alone gives, (P, 3 L); by threshold, how much sums count, (P, L)."""
+        texture = np.zeros((len(probes), 3 * self.lights))
+        shares = [np.zeros((len(probes), self.lights)) for _ in thresholds]
+        for k, points in enumerate(self.targets(level)):
+            mine = np.flatnonzero(probes.tile == k)
+            flat, weight = bilinear_texels(probes.place[mine], *points.row.shape)
+            values, mass = self._blurred(k, variance_mm2, level, flat.reshape(-1))
+            texture[mine] = np.einsum("pkc,pk->pc", values.reshape(*flat.shape, -1), weight)
+            predictor = self._predictor(k, level)
+            for share, threshold in zip(shares, thresholds, strict=True):
+                each = predictor.shares_of_texels(variance_mm2, threshold, flat.reshape(-1), values, mass)
+                share[mine] = np.einsum("pkl,pk->pl", each.reshape(*flat.shape, -1), weight)
+        return texture, shares
 
     def read_texture(self, variance_mm2: float, level: int, probes: Probes) -> Float:
         """What reading a stored `texture` lobe will give at the probes."""
@@ -215,6 +274,55 @@ class Diffuser:
             again = {r.tile: r for r in rasterize(self.mesh, (width, height), LEVEL_GUTTER, udim)}
             self._atlases[level] = tuple(again[r.tile] for r in self.atlas)
         return self._atlases[level]
+
+    def _texel_of(self, probes: Probes, mine: NDArray[np.int64], level: int) -> NDArray[np.int64]:
+        """The texel of a stored size that shows the middle of each probe's texel."""
+        height, width = level_size(self.size, level)
+        row, col = np.divmod(probes.flat_index[mine], self.size[1])
+        row, col = (2 * row + 1) * height // (2 * self.size[0]), (2 * col + 1) * width // (2 * self.size[1])
+        flat: NDArray[np.int64] = row * width + col
+        return flat
+
+    def _blurred(self, tile: int, variance_mm2: float, level: int, flat: NDArray[np.int64]) -> tuple[Float, Float]:
+        """`blur_at` a few texels of a stored size."""
+        row, col = np.divmod(flat, level_size(self.size, level)[1])
+        at = row.astype(np.float64), col.astype(np.float64)
+        return blur_at(self.pyramids[tile], self.variance_texels2(variance_mm2), level, at)
+
+    def _predictor(self, tile: int, level: int) -> Predictor:
+        """Of where a tile's blur at a stored size is wrong."""
+        return Predictor(
+            points=self.targets(level)[tile],
+            coverage=self.level_atlas(level)[tile].coverage,
+            image=self.pyramids[tile].level(level),
+            margin=level_margin(level),
+            level=level,
+            pyramid=self.surface.tiles[tile][2],
+            bend=self._bend[tile],
+            mean_texel_mm2=(min(self.mm_per_texel) ** 2 * 4**level, max(self.mm_per_texel) ** 2 * 4**level),
+            mean=self.mean_light,
+        )
+
+    @cached_property
+    def _bend(self) -> list[NDArray[np.float32]]:
+        return [bending(pyramid) for _, _, pyramid in self.surface.tiles]
+
+    def _hybrid_map(self, variance_mm2: float, level: int, spacing: float, threshold: float) -> Tiles:
+        """One lobe: the texture's blur, then sums where it is predicted to be wrong, light by light."""
+        sources, texels2 = self.sources(variance_mm2, spacing), self.variance_texels2(variance_mm2)
+        tiles = []
+        for k, (pyramid, points) in enumerate(zip(self.pyramids, self.targets(level), strict=True)):
+            mass = np.empty(points.row.shape, np.float32)
+            image = texture_blur(pyramid, texels2, level, self.source[k] if level == 0 else None, mass)
+            predictor = self._predictor(k, level)
+            for i in range(self.lights):
+                row, share = predictor.share_of_sums(i, variance_mm2, threshold, image[i], mass)
+                gather(
+                    replace(points, row=row), sources, variance_mm2, self.cut, self.spec.separate,
+                    self.spec.normalise, image[i].reshape(1, -1, 3), i, share.reshape(-1),
+                )  # fmt: skip
+            tiles.append(image)
+        return tiles
 
     @cached_property
     def _metric(self) -> tuple[Float, NDArray[np.int32]]:
@@ -271,6 +379,12 @@ class Diffuser:
             self._smooth[level] = [least_sigma(coarse, fine, gap) for coarse, fine in pairs]
         return self._smooth[level]
 
+    def _texel_sums(self, variance_mm2: float, spacing: float, points: TexelPoints, row: NDArray[np.int32]) -> Float:
+        """Surface sums at some rows of a size's points, (P, 3 L)."""
+        return self._surface_points(
+            variance_mm2, spacing, points.position[row], points.normal[row], points.texel_mm2[row]
+        )
+
     def _surface_points(
         self,
         variance_mm2: float,
@@ -284,7 +398,7 @@ class Diffuser:
         out = np.zeros((self.lights, len(position), 3), np.float32)
         sources = self.sources(variance_mm2, spacing)
         gather(points, sources, variance_mm2, self.cut, self.spec.separate, self.spec.normalise, out)
-        return out.transpose(1, 0, 2).reshape(len(position), -1).astype(np.float64)
+        return out.transpose(1, 0, 2).reshape(len(position), 3 * self.lights).astype(np.float64)
 
     def _reference_map(self, variance_mm2: float, level: int) -> Tiles:
         tiles = []

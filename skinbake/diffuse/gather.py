@@ -44,8 +44,9 @@ from skinbake.diffuse.sources import (
 )
 
 CUT_ERROR = 0.1  # measured: normalised sums cut at k sigma are wrong by this exp(-k^2 / 2), rms of hard-lit skin
-_CUT_SHARE = 0.15  # of the tolerance
-_BLOCK = 4  # x 4 texels are a batch, where they are near one another
+_CUT_SHARE = 0.1  # of the tolerance
+_BLOCK = 4  # x 4 texels are a batch, where all are targets and near one another
+_SQUARE = 8  # x 8 texels share batches, where few are
 _TILE = 16  # x 16 texels begin their searches at the same groups
 _AHEAD = 2  # leaves that are on their way from memory while one is summed
 _NORMAL, _RATE, _SUMS = 3, 6, 7  # rows of sixteen in the scratch memory: x y z, normal, -1 / 64 v, sums
@@ -70,6 +71,8 @@ def gather(
     separate: bool,
     normalise: bool,
     out: NDArray[np.float32],
+    first_light: int = 0,
+    share: NDArray[np.float32] | None = None,
 ) -> None:
     """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 v_t) p_ts.
 
@@ -86,6 +89,10 @@ def gather(
         False: the sum is not divided by that of the weights, but by a plane's, 2 pi v / gain_t.
     out : ndarray of shape (L, H * W, 3), float32
         Left as it was where there is no target, or nothing near one.
+    first_light : int
+        Of the tree's lights, L of which are summed.
+    share : ndarray of shape (H * W,), float32, optional
+        How much the sum counts against what `out` held.
     """
     strips = -(-points.row.shape[0] // _TILE)
     # Threads take consecutive strips, and a head leaves the texture's borders empty: strips are dealt out evenly
@@ -95,14 +102,15 @@ def gather(
     _gather(
         strips, stride, points.row, points.flat_index, points.position, points.normal, points.texel_mm2, tree.leaf,
         tree.box, tree.first_group, variance_mm2, lattice_table(),
-        np.float32(cut), separate, np.float32(_TINY * largest), np.float32(density), out,
+        np.float32(cut), separate, np.float32(_TINY * largest), np.float32(density), first_light,
+        np.empty(0, np.float32) if share is None else share, out,
     )  # fmt: skip
 
 
 @njit(cache=True, parallel=True)
 def _gather(  # type: ignore[no-untyped-def]
     strips, stride, row_of, flat_index, position, normal, texel_mm2, leaf, box, first_group,
-    variance_mm2, table, cut, separate, faint, density, out,
+    variance_mm2, table, cut, separate, faint, density, first_light, share, out,
 ):  # fmt: skip
     height, width = row_of.shape
     leaves, boxes = leaf.reshape(-1), box.reshape(-1)
@@ -110,7 +118,8 @@ def _gather(  # type: ignore[no-untyped-def]
         lanes = np.empty((_SUMS + 1 + 3 * len(out)) * LANES, np.float32)
         low, high = np.empty(3, np.float32), np.empty(3, np.float32)
         stack, found = np.empty(STACK, np.int64), np.empty(len(leaf), np.int64)
-        members, batch, begin = np.empty(LANES, np.int64), np.empty(LANES, np.int64), np.empty(STACK // 2, np.int64)
+        members, batch = np.empty(_SQUARE * _SQUARE, np.int64), np.empty(LANES, np.int64)
+        begin = np.empty(STACK // 2, np.int64)
         top = (strip * stride) % strips * _TILE
         for tile in range(0, width, _TILE):
             begins = _begin_near_tile(
@@ -119,22 +128,32 @@ def _gather(  # type: ignore[no-untyped-def]
             )  # fmt: skip
             if begins == 0:
                 continue
-            for row in range(top, min(top + _TILE, height), _BLOCK):
-                for col in range(tile, min(tile + _TILE, width), _BLOCK):
-                    left = 0
-                    for r in range(row, min(row + _BLOCK, height)):
-                        for c in range(col, min(col + _BLOCK, width)):
-                            if row_of[r, c] >= 0:
-                                members[left] = row_of[r, c]
-                                left += 1
-                    while left > 0:
-                        left = _take_near(members, left, position, texel_mm2, variance_mm2, cut, batch)
+            for row in range(top, min(top + _TILE, height), _SQUARE):
+                for col in range(tile, min(tile + _TILE, width), _SQUARE):
+                    first, count = 0, _members_of(row_of, row, col, members)
+                    while first < count:
+                        first = _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, batch)
                         stack[:begins] = begin[:begins]
                         _gather_batch(
-                            batch, flat_index, position, normal, texel_mm2, leaves, boxes,
-                            first_group, variance_mm2, table, cut, separate, faint, density, lanes, low, high, stack,
-                            begins, found, out,
+                            batch, flat_index, position, normal, texel_mm2, leaves, leaf.shape[1] * LANES, boxes,
+                            first_group, variance_mm2, table, cut, separate, faint, density, first_light, share, lanes,
+                            low, high, stack, begins, found, out,
                         )  # fmt: skip
+
+
+@njit(cache=True, inline="always")
+def _members_of(row_of, top, left, members):  # type: ignore[no-untyped-def]
+    """List the targets of a square, block after block; how many there are."""
+    height, width = row_of.shape
+    count = 0
+    for block in range((_SQUARE // _BLOCK) ** 2):
+        row, col = top + block // (_SQUARE // _BLOCK) * _BLOCK, left + block % (_SQUARE // _BLOCK) * _BLOCK
+        for r in range(row, min(row + _BLOCK, height)):
+            for c in range(col, min(col + _BLOCK, width)):
+                if row_of[r, c] >= 0:
+                    members[count] = row_of[r, c]
+                    count += 1
+    return count
 
 
 @njit(cache=True)
@@ -167,33 +186,34 @@ def _begin_near_tile(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def _take_near(members, count, position, texel_mm2, variance_mm2, cut, batch):  # type: ignore[no-untyped-def]
-    """Move what lies near the first member into the batch, which repeats its last; the number of members left."""
-    seed = members[0]
+def _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, batch):  # type: ignore[no-untyped-def]
+    """Move what lies near the first member left into the batch, which repeats its last; the first member left then."""
+    seed = members[first]
     reach = cut * np.float32(np.sqrt(variance_mm2)) + np.float32(2 * _BLOCK) * np.sqrt(max(texel_mm2[seed], _ZERO))
-    taken, left = 0, 0
-    for i in range(count):
-        k = members[i]
+    taken, here = 0, first
+    while here < count and taken < LANES:
+        k = members[here]
         near = True
         for axis in range(3):
             near = near and abs(position[k, axis] - position[seed, axis]) <= reach
         if near:
+            # What is far moves up behind what is taken
+            for i in range(here, first + taken, -1):
+                members[i] = members[i - 1]
             batch[taken] = k
             taken += 1
-        else:
-            members[left] = k
-            left += 1
+        here += 1
     batch[taken:] = batch[taken - 1]
-    return left
+    return first + taken
 
 
 @njit(cache=True, inline="always")
 def _gather_batch(  # type: ignore[no-untyped-def]
-    batch, flat_index, position, normal, texel_mm2, leaves, boxes, first_group,
-    variance_mm2, table, cut, separate, faint, density, lanes, low, high, stack, begins, found, out,
+    batch, flat_index, position, normal, texel_mm2, leaves, size, boxes, first_group, variance_mm2, table, cut,
+    separate, faint, density, first_light, share, lanes, low, high, stack, begins, found, out,
 ):  # fmt: skip
     further = 3 * len(out) - 3  # channels beyond the first light's
-    size = (LIGHT + 3 + further) * LANES  # of a leaf
+    first_row = LIGHT + 3 * first_light
     widest = 0.0
     for t in range(LANES):
         k = batch[t]
@@ -227,7 +247,7 @@ def _gather_batch(  # type: ignore[no-untyped-def]
     count = near_boxes(low, high, radius * radius, boxes, first_group, stack, begins, 0, found)
     for i in range(count):
         ahead = found[min(i + _AHEAD, count - 1)] * size
-        for row in range(LIGHT + 3):
+        for row in range(first_row + 3):
             prefetch(leaves, ahead + row * LANES)
         base = found[i] * size
         bits = near_sources(leaves, base, low, high, radius * radius) & sources_around(
@@ -252,7 +272,7 @@ def _gather_batch(  # type: ignore[no-untyped-def]
                     distance2 + _TINY,
                 )
             total += w
-            at += LIGHT * LANES
+            at += first_row * LANES
             red = mul_add(w, entry(leaves, at), red)
             green = mul_add(w, entry(leaves, at + LANES), green)
             blue = mul_add(w, entry(leaves, at + 2 * LANES), blue)
@@ -265,6 +285,8 @@ def _gather_batch(  # type: ignore[no-untyped-def]
     store(lanes, (_SUMS + 2) * LANES, green)
     store(lanes, (_SUMS + 3) * LANES, blue)
     for t in range(LANES):
+        if t > 0 and batch[t] == batch[t - 1]:
+            break  # only repetitions are left
         weight = lanes[_SUMS * LANES + t]
         if density > 0:
             factor = density * np.float32(lattice_gain(variance_mm2, texel_mm2[batch[t]], table))
@@ -276,4 +298,7 @@ def _gather_batch(  # type: ignore[no-untyped-def]
         for light in range(len(out)):
             at = (_SUMS + 1 + 3 * light) * LANES + t
             for c in range(3):
-                out[light, texel, c] = lanes[at + c * LANES] * factor
+                value = lanes[at + c * LANES] * factor
+                if len(share):
+                    value = out[light, texel, c] + share[texel] * (value - out[light, texel, c])
+                out[light, texel, c] = value

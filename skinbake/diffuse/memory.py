@@ -25,18 +25,17 @@ def memory_needed_bytes(
     (the three narrowest lobes, as a rule; the others are stored smaller and add half of one). `texture` holds a
     premultiplied copy with its pyramid, 16 L + 6. The 3-D methods hold points of the texels and of their extension
     (40 + 12), the texels as sources (8 + 12 L, and 24 in leaves), half as much again for one lobe's clusters, their
-    moment pyramid (11 + 4 L) and the order in which they are written (4).
+    moment pyramid (11 + 4 L) and the order in which they are written (4). `hybrid` lobes, which `auto` makes too, need
+    both at once.
     """
     texels = size[0] * size[1] * tiles
     kept = min(lobes, 3.5) * 12 * lights
     per_texel = 20 + 12 * lights + kept
     texture = 16 * lights + 6
     surface = 52 + 1.5 * (32 + 12 * lights) + 11 + 4 * lights + 4
-    if method == "texture":
-        # Probes are checked against the surface integral, which needs the sorted texels too
-        per_texel += texture + surface
-    else:
-        per_texel += surface
+    per_texel += surface  # probes are checked against the surface integral, whatever the method
+    if method in ("texture", "hybrid", "auto"):
+        per_texel += texture
     return int(texels * per_texel)
 
 

@@ -14,6 +14,7 @@ from skinbake.profile.gaussian_sum import GaussianSum
 # Bilinear reading of texels of side h is wrong by this (h / sigma)^2, rms: measured on a scan whose texels vary 7.7 x
 BILINEAR_ERROR = {
     "surface": 0.055,
+    "hybrid": 0.055,
     "reference": 0.055,
     "texture": 0.008,
     "stretch": 0.008,
@@ -33,11 +34,13 @@ class LobePlan:
     Attributes
     ----------
     method : str
-        "identity", "texture", "stretch", "surface" or "reference".
+        "identity", "texture", "stretch", "hybrid", "surface" or "reference".
     level : int
         Stored at the full size halved this many times.
     spacing : float
-        Of `surface`: widest cluster in sigma.
+        Of surface sums: widest cluster in sigma.
+    threshold : float
+        Of `hybrid`: predicted error of the blur, over a light's mean, from which on sums take its place.
     why : str
         The numbers that decided.
     """
@@ -45,6 +48,7 @@ class LobePlan:
     method: str
     level: int
     spacing: float
+    threshold: float
     why: str
 
 
@@ -58,13 +62,19 @@ def fixed_plan(diffuser: Diffuser, method: str, variance_mm2: float) -> LobePlan
     texel_mm2 = diffuser.mm_per_texel[0] * diffuser.mm_per_texel[1]
     ratio = variance_mm2 / texel_mm2 if texel_mm2 > 0 else 0.0
     if ratio < IDENTITY_TEXELS2:
-        return LobePlan("identity", 0, 0.0, f"sigma is {np.sqrt(ratio):.3f} texel: nothing to blur")
+        return LobePlan("identity", 0, 0.0, 0.0, f"sigma is {np.sqrt(ratio):.3f} texel: nothing to blur")
     level = storage_level(diffuser, method, variance_mm2, diffuser.spec.tolerance)
     if method == "stretch":  # its blocks are whole texels
         while level and (diffuser.size[0] % (1 << level) or diffuser.size[1] % (1 << level)):
             level -= 1
     spacing = cluster_spacing(diffuser.spec.tolerance)
-    return LobePlan(method, level, spacing, f"asked for; sigma is {np.sqrt(ratio) / 2**level:.1f} stored texels")
+    return LobePlan(
+        method,
+        level,
+        spacing,
+        diffuser.spec.tolerance,
+        f"asked for; sigma is {np.sqrt(ratio) / 2**level:.1f} stored texels",
+    )
 
 
 def storage_level(diffuser: Diffuser, method: str, variance_mm2: float, tolerance: float) -> int:

@@ -117,7 +117,8 @@ def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
 
 @njit(cache=True, parallel=True)
 def _points(  # type: ignore[no-untyped-def]
-    face_index, barycentric, area_mm2, coverage, corner_mm, corner_normal, shorter_mm2, start, row_out, flat, position, normal, area, texel_mm2, widest,
+    face_index, barycentric, area_mm2, coverage, corner_mm, corner_normal, shorter_mm2, start, row_out, flat, position,
+    normal, area, texel_mm2, widest,
 ):  # fmt: skip
     height, width = face_index.shape
     for row in prange(height):

@@ -100,7 +100,7 @@ def draw_probes(
     texel_mm2 = np.zeros(count, np.float32)
     for k, (raster, p, liked) in enumerate(zip(atlas, points, preference, strict=True)):
         mine = tile == k
-        r = _rows_of(p.area_mm2, liked, most, *rates, block[mine] - first[k], rest[mine])
+        r = _rows_of(p.area_mm2, liked, most, rates[0], rates[1], block[mine] - first[k], rest[mine])
         flat[mine], position[mine], normal[mine] = p.flat_index[r], p.position[r], p.normal[r]
         texel_mm2[mine] = p.texel_mm2[r]
         place[mine] = _places(

@@ -84,6 +84,11 @@ class RememberingDiffuser(Diffuser):
         kind = _kind("read", variance_mm2, level, spacing, probes)
         return self._columns(kind, lambda part: part.read_surface(variance_mm2, level, spacing, probes))
 
+    def read_hybrid(self, variance_mm2: float, level: int, spacing: float, threshold: float, probes: Probes) -> Float:
+        """What reading a stored `hybrid` lobe will give at the probes, (P, 3 L)."""
+        kind = _kind("read hybrid", variance_mm2, level, spacing, threshold, probes)
+        return self._columns(kind, lambda part: part.read_hybrid(variance_mm2, level, spacing, threshold, probes))
+
     def forget(self, variance_mm2: float) -> None:
         """Let one lobe's clusters go."""
         super().forget(variance_mm2)
@@ -113,15 +118,13 @@ class RememberingDiffuser(Diffuser):
     def _only(self, names: tuple[str, ...]) -> Diffuser:
         """A plain Diffuser on some of the lights, with this one's skin points."""
         if names not in self._parts:
-            chosen = [self.names.index(name) for name in names]
-            source = self.source if names == self.names else [s[chosen] for s in self.source]
-            part = Diffuser(source, self.atlas, self.mesh, self.spec)
-            part._targets, part._atlases = self._targets, self._atlases
-            if names == self.names:
-                part._sources = self._sources
-                part.__dict__.update(
-                    {k: v for k, v in self.__dict__.items() if k in ("surface", "pyramids", "_metric")}
-                )
+            if names == self.names:  # the same state, only that it does not ask
+                part = Diffuser.__new__(Diffuser)
+                part.__dict__ = self.__dict__
+            else:
+                chosen = [self.names.index(name) for name in names]
+                part = Diffuser([s[chosen] for s in self.source], self.atlas, self.mesh, self.spec)
+                part._targets, part._atlases = self._targets, self._atlases
             self._parts[names] = part
         return self._parts[names]
 

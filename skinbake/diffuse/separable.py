@@ -29,7 +29,7 @@ def masked_light(light, coverage, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, parallel=True)
-def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out):  # type: ignore[no-untyped-def]
+def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out, mass):  # type: ignore[no-untyped-def]
     """K[M E] / K[M] of an image of premultiplied light and mask; THEORY (5.7).
 
     Parameters
@@ -41,6 +41,8 @@ def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out):  # t
     fallback : ndarray of shape (L, H, W, 3) or (L, 0, 0, 3)
         What stands where K[M] <= epsilon; zero if empty.
     out : ndarray of shape (L, H, W, 3)
+    mass : ndarray of shape (H, W) or (0, 0)
+        Takes K[M], unless empty.
     """
     height, width, channels = image.shape
     lights = (channels - 1) // 3
@@ -65,6 +67,9 @@ def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out):  # t
             for i in range(rows):
                 _weigh(lines, i * length, channels, kernel_x, both, 0, n)
                 _divide(both, margin, lights, top_row + i, epsilon, fallback, out)
+                if len(mass):
+                    for col in range(mass.shape[1]):
+                        mass[top_row + i, col] = both[(col + margin + 1) * channels - 1]
 
 
 @njit(cache=True)
@@ -124,7 +129,7 @@ def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-un
     while i < count:
         total = _ZERO
         for k in range(len(weights)):
-            total += weights[k] * source[start + k * stride + i]
+            total = mul_add(weights[k], source[start + k * stride + i], total)
         to[at + i] = total
         i += 1
 

@@ -36,8 +36,8 @@ class SourceTree:
     Attributes
     ----------
     leaf : ndarray of shape (N, 8 + C, 16), float32
-        Sixteen sources side by side: x y z (mm), unit normal, `NARROWING`, `AMPLITUDE`, radiosity from `LIGHT` on. Where
-        there is none it is far away, and all else 0.
+        Sixteen sources side by side: x y z (mm), unit normal, `NARROWING`, `AMPLITUDE`, radiosity from `LIGHT` on. A
+        place without a source is far away, and all else 0.
     count : int
         Of sources.
     box : ndarray of shape (G, 6, 16), float32
@@ -270,7 +270,15 @@ def tree_node(group, level):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def near_sources(leaves, base, low, high, radius2):  # type: ignore[no-untyped-def]
-    """Bits of a leaf's sources within a distance of a box; `leaves` is `SourceTree.leaf`, flat, `base` the leaf's first."""
+    """Bits of a leaf's sources within a distance of a box.
+
+    Parameters
+    ----------
+    leaves : ndarray, float32
+        `SourceTree.leaf`, flat.
+    base : int
+        Where the leaf begins in it.
+    """
     x, y, z = load(leaves, base), load(leaves, base + LANES), load(leaves, base + 2 * LANES)
     dx = max(max(x - high[0], low[0] - x), _ZERO)
     dy = max(max(y - high[1], low[1] - y), _ZERO)

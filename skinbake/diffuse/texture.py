@@ -116,6 +116,7 @@ def texture_blur(
     variance_texels2: tuple[float, float],
     level: int = 0,
     fallback: NDArray[np.float32] | None = None,
+    mass: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """One lobe of one tile at a level of its pyramid.
 
@@ -127,6 +128,8 @@ def texture_blur(
         0 is the full size; at most `widest_level`.
     fallback : ndarray of shape (L, h, w, 3), optional
         Light where no coverage is within reach; zero without it.
+    mass : ndarray of shape (h, w), float32, optional
+        Filled with the share of the kernel that lies on charts.
 
     Returns
     -------
@@ -140,7 +143,8 @@ def texture_blur(
     if fallback is None:
         fallback = np.empty((lights, 0, 0, 3), np.float32)
     epsilon = np.float32(_NO_COVERAGE * kernels[0][0] * kernels[1][0])
-    normalised_blur(image, level_margin(level), kernels[0], kernels[1], fallback, epsilon, out)
+    mass = np.empty((0, 0), np.float32) if mass is None else mass
+    normalised_blur(image, level_margin(level), kernels[0], kernels[1], fallback, epsilon, out, mass)
     return out
 
 
@@ -175,7 +179,7 @@ def texture_at(
         full = pyramid.levels[0].shape[:2]
         size = level_size(full, level)
         texel = np.divmod(probes.flat_index[mine], full[1])
-        out[mine] = _blur_at(
+        out[mine], _ = blur_at(
             pyramid, variance_texels2, level, [(texel[a] + 0.5) * size[a] / full[a] - 0.5 for a in (0, 1)]
         )
     return out
@@ -191,13 +195,27 @@ def read_texture(
         height, width = level_size(pyramid.levels[0].shape[:2], level)
         flat, weight = bilinear_texels(probes.place[mine], height, width)
         texel = np.divmod(flat.reshape(-1), width)
-        values = _blur_at(pyramid, variance_texels2, level, [axis.astype(np.float64) for axis in texel])
+        values, _ = blur_at(pyramid, variance_texels2, level, [axis.astype(np.float64) for axis in texel])
         out[mine] = np.einsum("pkc,pk->pc", values.reshape(*flat.shape, -1), weight)
     return out
 
 
-def _blur_at(pyramid: TexturePyramid, variance_texels2: tuple[float, float], level: int, at: Sequence[Float]) -> Float:
-    """The blur at places of a level, texels from the first one's centre as (row, column), (P, 3 L)."""
+def blur_at(
+    pyramid: TexturePyramid, variance_texels2: tuple[float, float], level: int, at: Sequence[Float]
+) -> tuple[Float, Float]:
+    """The blur at a few places of a level, and the share of the kernel that lies on charts there.
+
+    Parameters
+    ----------
+    at : sequence of two ndarray of shape (P,)
+        Row and column, texels of the level from the first one's centre.
+
+    Returns
+    -------
+    rgb : ndarray of shape (P, 3 L)
+        0 where there is no coverage within reach.
+    mass : ndarray of shape (P,)
+    """
     image = pyramid.level(level)
     first, which, weights = [], [], []
     for axis in (0, 1):
@@ -208,9 +226,9 @@ def _blur_at(pyramid: TexturePyramid, variance_texels2: tuple[float, float], lev
         first.append(np.rint(place).astype(np.int64) - kernels.shape[1] // 2)
         which.append(index)
         weights.append(kernels)
-    values = np.zeros((len(at[0]), image.shape[2] - 1))
+    values = np.zeros((len(at[0]), image.shape[2]))
     _weighted_windows(image, first[0], first[1], which[0], which[1], weights[0], weights[1], _NO_COVERAGE, values)
-    return values
+    return values[:, :-1], values[:, -1]
 
 
 def _between(half: Float, offset: Float) -> Float:
@@ -242,6 +260,7 @@ def _weighted_windows(  # type: ignore[no-untyped-def]
         for j in range(low, high):
             for c in range(channels):
                 total[c] += wx[j] * column[(j - low) * channels + c]
+        out[p, channels - 1] = total[-1]
         if total[-1] > no_coverage * wy.max() * wx.max():
             for c in range(channels - 1):
                 out[p, c] = total[c] / total[-1]

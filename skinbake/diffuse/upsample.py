@@ -1,10 +1,10 @@
 """A smooth field on the skin, from every second texel to every texel, wherever that is safe.
 
 A lobe a few texels wide need not be summed at each texel: cubic interpolation of every second one is wrong by at most
-0.0094 (h / sigma)^4 of a hard edge, h the distance of the texels used; by half of that, rms, along the edge. Whether the texels around one really are its
-neighbours on the skin is not asked of the UVs: the same interpolation is done with their positions, and must give the
-position of the texel itself. Seams, charts' borders, folds of the layout and strong stretch all fail that test; what
-fails is summed directly.
+0.0094 (h / sigma)^4 of a hard edge, h the distance of the texels used; by half of that, rms, along the edge. Whether
+the texels around one really are its neighbours on the skin is not asked of the UVs: the same interpolation is done with
+their positions, and must give the position of the texel itself. Seams, charts' borders, folds of the layout and strong
+stretch all fail that test; what fails is summed directly.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ class TextureSpec(Strict):
 class DiffusionSpec(Strict):
     """How the lobes are blurred and how wrong they may be."""
 
-    method: Literal["auto", "texture", "stretch", "surface", "reference"] = "auto"
+    method: Literal["auto", "texture", "stretch", "hybrid", "surface", "reference"] = "auto"
     tolerance: Positive = 0.01
     separate: bool = True
     normalise: bool = True

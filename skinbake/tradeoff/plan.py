@@ -87,7 +87,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     add("look", "the look as it is")
     for count in ((2, 4), (1, 2, 3, 4, 8), (1, 2, 3, 4, 5, 6, 8, 10, 12))[level]:
         add("Gaussians", f"{count}", f"skin.fit={{gaussians: {count}}}")
-    methods = (("texture", "surface"), ("texture", "stretch", "surface"), ("texture", "stretch", "surface"))[level]
+    methods = (("texture", "surface"), *(("texture", "stretch", "hybrid", "surface"),) * 2)[level]
     for method in methods if spec.diffusion.normalise else ("surface",):  # the classical integral has but one
         add("method", method, f"diffusion.method={method}")
     for tolerance in ((0.05,), (0.05, 0.005), (0.1, 0.05, 0.02, 0.005, 0.002))[level]:

@@ -153,6 +153,7 @@ def on_the_scan(size: int, probes: int) -> dict:
     for method, tolerance in (
         ("texture", 0.003),
         ("stretch", 0.003),
+        ("hybrid", 0.003),
         ("surface", 0.003),
         ("surface", 0.01),
         ("auto", 0.003),

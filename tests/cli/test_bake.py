@@ -168,7 +168,7 @@ def test_any_irradiance_exr_can_be_diffused(scene, tmp_path):
     look = scene(mesh, size="[61, 47]")
     constant = np.full((47, 61, 3), 0.7, np.float32)
     write_parts(tmp_path / "constant.exr", [Part("", rgb_channels(constant))], precision="float")
-    for method in ("texture", "stretch", "surface", "reference"):
+    for method in ("texture", "stretch", "hybrid", "surface", "reference"):
         options = ["--set", f"diffusion.method={method}", "--set", "output.precision=float", "--quiet"]
         assert run(["diffuse", str(look), str(tmp_path / "constant.exr"), *options]) == 0
         for path in (look.parent / "out").glob("lobe_*.exr"):

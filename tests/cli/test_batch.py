@@ -138,7 +138,7 @@ def test_one_changed_light_is_baked_alone(here, folder):
     assert digests(folder) == after
 
 
-@pytest.mark.parametrize("method", ["auto", "stretch", "texture", "reference"])
+@pytest.mark.parametrize("method", ["auto", "stretch", "texture", "hybrid", "reference"])
 def test_a_changed_light_gives_the_bytes_of_a_bake_from_nothing(here, folder, method):
     """Whatever the plan: what is blurred alone is what is blurred together, and the figures in the headers agree."""
     how = ["--only", "thick-day", "--set", f"diffusion.method={method}", "--set", "texture.size=[64, 56]"]

@@ -98,7 +98,7 @@ def test_darkness_stays_dark():
 
 
 @pytest.mark.parametrize("sigma", [1e-3, 1e-2, 1.0, 1e2, 1e3])
-@pytest.mark.parametrize("method", ["texture", "stretch", "surface", "auto"])
+@pytest.mark.parametrize("method", ["texture", "stretch", "hybrid", "surface", "auto"])
 def test_any_width_is_finite_and_within_the_light_s_range(sigma, method):
     """Sigma from a thousandth of a texel to a thousand texels (a texel is 1 mm here)."""
     skin = GaussianSum(np.array([sigma**2]), np.ones((1, 3)), np.zeros(3), np.ones(3))
@@ -150,7 +150,7 @@ def test_faces_without_area_and_flipped_ones_do_no_harm():
     uv[0] = uv[0, 0]
     faces[1] = faces[1, 0]
     flipped = SkinMesh(mesh.positions_mm, faces, 1 - uv[..., ::-1], mesh.corner_normal)
-    for method in ("auto", "texture", "stretch"):
+    for method in ("auto", "texture", "stretch", "hybrid"):
         baked = _bake(flipped, (64, 64), method=method)
         assert all(np.isfinite(lobe.rgb[1001]).all() for lobe in baked.lobes)
 
