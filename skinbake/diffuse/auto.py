@@ -38,14 +38,15 @@ MAX_LEVELS = 4
 PEAK = 10.0  # tolerances of the mean
 SEEN = 0.1  # of the mean: no less than this counts as a peak
 PEAK_SHARE = 0.003  # of the skin may be further off
-LOOSE = (2.0, 8.0)  # tolerances that the blur of a hybrid lobe may be off by, as predicted
+LOOSE = (2.0, 8.0, 32.0)  # tolerances that the blur of a hybrid lobe may be off by, as predicted
 _SCATTERED = 2.0  # lanes to a texel that is summed, where its neighbours are not
 # Seconds a texel, of the two-core machine this was tuned on: only their ratios matter, nothing is timed in a bake
 _WRITE = 7e-8
 _RISK = 2e-8  # that a lobe left to texture space alone fails at probes which no plan saw: a second plan
-_TEXTURE = 8e-9
-_PREDICT = 4e-9
-_PAIR = 1.8e-10
+_TEXTURE = 6.5e-9
+_PREDICT = 5e-9
+_FURTHER = 0.4  # of a light's pairs or prediction, for each one more that goes along
+_PAIR = 1.6e-10
 _SURFACE = 2.5e-8
 _SOURCE = 2.2e-8
 _INTERPOLATE = 1.2e-8
@@ -166,9 +167,10 @@ def _candidates(diffuser: Diffuser, variance: float, probes: Probes, exact: Floa
         add("texture", level, 0.0, blur, texture)
         for threshold, share in zip(thresholds, shares, strict=True):
             summed = float(np.mean(probes.weight[:, None] * (share > 0))) * _SCATTERED
-            each = _PREDICT + summed * _sum_cost(diffuser, variance, level, spacing, 1)
+            predict = _PREDICT * (1 + _FURTHER * (lights - 1))
+            sums = summed * lights * _sum_cost(diffuser, variance, level, spacing, 1)
             read = texture + np.repeat(share, 3, axis=1) * (exact - texture)
-            add("hybrid", level, threshold, blur + each * lights * texels + sources, read)
+            add("hybrid", level, threshold, blur + (predict + sums) * texels + sources, read)
         add("surface", level, 0.0, _surface_cost(diffuser, variance, level, spacing) + sources, exact)
     return found
 
@@ -203,7 +205,7 @@ def _sum_cost(diffuser: Diffuser, variance: float, level: int, spacing: float, l
     pairs = (
         np.pi * ((diffuser.cut + 1) ** 2 * variance + 4 * texel * 4**level) / _source_mm2(diffuser, variance, spacing)
     )
-    return float(_SURFACE + _PAIR * pairs * (1 + lights) / 2)
+    return float(_SURFACE + _PAIR * pairs * (1 + _FURTHER * (lights - 1)))
 
 
 def _source_mm2(diffuser: Diffuser, variance: float, spacing: float) -> float:

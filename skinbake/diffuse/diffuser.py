@@ -314,12 +314,11 @@ class Diffuser:
         for k, (pyramid, points) in enumerate(zip(self.pyramids, self.targets(level), strict=True)):
             mass = np.empty(points.row.shape, np.float32)
             image = texture_blur(pyramid, texels2, level, self.source[k] if level == 0 else None, mass)
-            predictor = self._predictor(k, level)
+            share = self._predictor(k, level).share_of_sums(variance_mm2, threshold, image, mass)
             for i in range(self.lights):
-                row, share = predictor.share_of_sums(i, variance_mm2, threshold, image[i], mass)
                 gather(
-                    replace(points, row=row), sources, variance_mm2, self.cut, self.spec.separate,
-                    self.spec.normalise, image[i].reshape(1, -1, 3), i, share.reshape(-1),
+                    points, sources, variance_mm2, self.cut, self.spec.separate, self.spec.normalise,
+                    image[i].reshape(1, -1, 3), i, share[i],
                 )  # fmt: skip
             tiles.append(image)
         return tiles

@@ -72,7 +72,7 @@ def gather(
     normalise: bool,
     out: NDArray[np.float32],
     first_light: int = 0,
-    share: NDArray[np.float32] | None = None,
+    share: NDArray[np.uint8] | None = None,
 ) -> None:
     """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 v_t) p_ts.
 
@@ -91,19 +91,18 @@ def gather(
         Left as it was where there is no target, or nothing near one.
     first_light : int
         Of the tree's lights, L of which are summed.
-    share : ndarray of shape (H * W,), float32, optional
-        How much the sum counts against what `out` held.
+    share : ndarray of shape (H, W), uint8, optional
+        How much the sum counts against what `out` held, in steps of 1 / 255; at 0 there is none.
     """
     strips = -(-points.row.shape[0] // _TILE)
     # Threads take consecutive strips, and a head leaves the texture's borders empty: strips are dealt out evenly
     stride = next(s for s in range(int(0.618 * strips) + 1, 2 * strips + 2) if gcd(s, strips) == 1)
-    largest = float(tree.leaf[:, AMPLITUDE].max(initial=0)) or 1.0
     density = 0.0 if normalise else 1 / (2 * np.pi * variance_mm2)
     _gather(
         strips, stride, points.row, points.flat_index, points.position, points.normal, points.texel_mm2, tree.leaf,
         tree.box, tree.first_group, variance_mm2, lattice_table(),
-        np.float32(cut), separate, np.float32(_TINY * largest), np.float32(density), first_light,
-        np.empty(0, np.float32) if share is None else share, out,
+        np.float32(cut), separate, np.float32(_TINY * (tree.largest or 1.0)), np.float32(density), first_light,
+        np.empty((0, 0), np.uint8) if share is None else share, out,
     )  # fmt: skip
 
 
@@ -123,14 +122,14 @@ def _gather(  # type: ignore[no-untyped-def]
         top = (strip * stride) % strips * _TILE
         for tile in range(0, width, _TILE):
             begins = _begin_near_tile(
-                row_of[top : top + _TILE, tile : tile + _TILE], position, texel_mm2, boxes, first_group, variance_mm2,
+                row_of, share, top, tile, position, texel_mm2, boxes, first_group, variance_mm2,
                 table, cut, low, high, stack, found, begin,
             )  # fmt: skip
             if begins == 0:
                 continue
             for row in range(top, min(top + _TILE, height), _SQUARE):
                 for col in range(tile, min(tile + _TILE, width), _SQUARE):
-                    first, count = 0, _members_of(row_of, row, col, members)
+                    first, count = 0, _members_of(row_of, share, row, col, members)
                     while first < count:
                         first = _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, batch)
                         stack[:begins] = begin[:begins]
@@ -142,7 +141,7 @@ def _gather(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def _members_of(row_of, top, left, members):  # type: ignore[no-untyped-def]
+def _members_of(row_of, share, top, left, members):  # type: ignore[no-untyped-def]
     """List the targets of a square, block after block; how many there are."""
     height, width = row_of.shape
     count = 0
@@ -150,7 +149,7 @@ def _members_of(row_of, top, left, members):  # type: ignore[no-untyped-def]
         row, col = top + block // (_SQUARE // _BLOCK) * _BLOCK, left + block % (_SQUARE // _BLOCK) * _BLOCK
         for r in range(row, min(row + _BLOCK, height)):
             for c in range(col, min(col + _BLOCK, width)):
-                if row_of[r, c] >= 0:
+                if row_of[r, c] >= 0 and (len(share) == 0 or share[r, c] > 0):
                     members[count] = row_of[r, c]
                     count += 1
     return count
@@ -158,15 +157,16 @@ def _members_of(row_of, top, left, members):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _begin_near_tile(  # type: ignore[no-untyped-def]
-    row_of, position, texel_mm2, boxes, first_group, variance_mm2, table, cut, low, high, stack, found, begin
+    row_of, share, top, left, position, texel_mm2, boxes, first_group, variance_mm2, table, cut, low, high, stack,
+    found, begin,
 ):  # fmt: skip
     """Where the search of all of a tile's batches begins: groups near the tile, the root if these are too many."""
     low[:], high[:] = np.inf, -np.inf
     widest = np.float32(-1)
-    for r in range(row_of.shape[0]):
-        for c in range(row_of.shape[1]):
+    for r in range(top, min(top + _TILE, row_of.shape[0])):
+        for c in range(left, min(left + _TILE, row_of.shape[1])):
             k = row_of[r, c]
-            if k >= 0:
+            if k >= 0 and (len(share) == 0 or share[r, c] > 0):
                 widest = max(widest, texel_mm2[k])
                 for axis in range(3):
                     low[axis], high[axis] = min(low[axis], position[k, axis]), max(high[axis], position[k, axis])
@@ -295,10 +295,14 @@ def _gather_batch(  # type: ignore[no-untyped-def]
         else:
             continue
         texel = flat_index[batch[t]]
+        counts = np.float32(1)
+        if len(share):
+            counts = np.float32(share[texel // share.shape[1], texel % share.shape[1]]) / np.float32(255)
         for light in range(len(out)):
             at = (_SUMS + 1 + 3 * light) * LANES + t
             for c in range(3):
                 value = lanes[at + c * LANES] * factor
                 if len(share):
-                    value = out[light, texel, c] + share[texel] * (value - out[light, texel, c])
+                    before = out[light, texel, c]
+                    value = before + counts * (value - before)
                 out[light, texel, c] = value

@@ -27,6 +27,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.clusters import MomentPyramid
+from skinbake.diffuse.lanes import entry
 from skinbake.diffuse.points import TexelPoints
 from skinbake.numerics import Float
 
@@ -69,103 +70,115 @@ class Predictor:
     mean: Sequence[float]
 
     def share_of_sums(
-        self,
-        light: int,
-        variance_mm2: float,
-        threshold: float,
-        blurred: NDArray[np.float32],
-        mass: NDArray[np.float32],
-    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """Which texels of one light are to be summed, and how much the sum then counts against the blur.
+        self, variance_mm2: float, threshold: float, blurred: NDArray[np.float32], mass: NDArray[np.float32]
+    ) -> NDArray[np.uint8]:
+        """How much sums count against the blur, texel by texel and for each light.
 
         Parameters
         ----------
         threshold : float
             Predicted error from which on the sum alone counts, over the light's mean.
-        blurred : ndarray of shape (h, w, 3), float32
-            T of this light.
+        blurred : ndarray of shape (L, h, w, 3), float32
+            T.
         mass : ndarray of shape (h, w), float32
             K[M].
 
         Returns
         -------
-        row : ndarray of shape (h, w), int32
-            `points.row` where a sum counts, -1 elsewhere.
-        share : ndarray of shape (h, w), float32
-            0 ... 1.
+        ndarray of shape (L, h, w), uint8
+            In steps of 1 / 255; 0 where there is no skin point.
         """
         points, pyramid = self.points, self.pyramid
-        row, share = np.full_like(points.row, -1), np.zeros_like(mass)
-        if self.mean[light] > 0:
-            _shares(
-                points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend, pyramid.start,
-                pyramid.width, self.margin, self.level, light, self._floats(light, variance_mm2, threshold), blurred,
-                mass, row, share,
-            )  # fmt: skip
-        return row, share
+        share = np.empty(blurred.shape[:3], np.uint8)
+        _shares(
+            points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend, pyramid.start,
+            pyramid.width, self.margin, self.level, self._floats(variance_mm2, threshold), self._means(), blurred, mass,
+            share,
+        )  # fmt: skip
+        return share
 
     def shares_of_texels(
         self, variance_mm2: float, threshold: float, flat: NDArray[np.int64], blurred: Float, mass: Float
     ) -> NDArray[np.float32]:
-        """The same shares for all lights, (P, L), of a few texels: `flat` is row * w + col, `blurred` (P, 3L)."""
+        """The same shares, 0 ... 1, of texels row * w + col, (P, L); `blurred` is (P, 3L), `mass` (P,)."""
         points, pyramid = self.points, self.pyramid
         share = np.zeros((len(flat), len(self.mean)), np.float32)
-        for light, mean in enumerate(self.mean):
-            if mean > 0:
-                _shares_of_texels(
-                    points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend,
-                    pyramid.start, pyramid.width, self.margin, self.level, light,
-                    self._floats(light, variance_mm2, threshold), flat,
-                    blurred[:, 3 * light : 3 * light + 3].astype(np.float32), mass.astype(np.float32), share[:, light],
-                )  # fmt: skip
+        _shares_of_texels(
+            points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend, pyramid.start,
+            pyramid.width, self.margin, self.level, self._floats(variance_mm2, threshold), self._means(), flat,
+            blurred.reshape(len(flat), len(self.mean), 3).astype(np.float32), mass.astype(np.float32), share,
+        )  # fmt: skip
         return share
 
-    def _floats(self, light: int, variance_mm2: float, threshold: float) -> NDArray[np.float32]:
-        return np.array([variance_mm2, *self.mean_texel_mm2, self.mean[light], threshold], np.float32)
+    def _floats(self, variance_mm2: float, threshold: float) -> NDArray[np.float32]:
+        return np.array([variance_mm2, *self.mean_texel_mm2, threshold], np.float32)
+
+    def _means(self) -> NDArray[np.float32]:
+        return np.array(self.mean, np.float32)
 
 
 @njit(cache=True, parallel=True)
 def _shares(  # type: ignore[no-untyped-def]
-    row_of, area, texel_mm2, coverage, image, bend, start, width, margin, level, light, floats, blurred, mass, row_out,
-    share,
-):  # fmt: skip
-    for row in prange(row_of.shape[0]):
-        for col in range(row_of.shape[1]):
+    row_of, area, texel_mm2, coverage, image, bend, start, width, margin, level, floats, means, blurred, mass, share
+):
+    height, columns = row_of.shape
+    light_and_mask, channels, blur = image.reshape(-1), image.shape[2], blurred.reshape(-1)
+    for row in prange(height):
+        for col in range(columns):
             k = row_of[row, col]
-            if k >= 0:
-                share[row, col] = _share(
-                    row, col, area[k], texel_mm2[k], coverage[row, col], image[row + margin, col + margin], bend,
-                    start, width, level, light, floats, blurred[row, col], mass[row, col],
-                )  # fmt: skip
-                if share[row, col] > 0:
-                    row_out[row, col] = k
+            if k < 0:
+                share[:, row, col] = 0
+                continue
+            uneven, block = _unevenness(
+                row, col, area[k], texel_mm2[k], coverage[row, col], start, width, level, floats
+            )
+            here = ((row + margin) * image.shape[1] + col + margin) * channels
+            for light in range(len(means)):
+                far = bend[block, light] if block >= 0 else _ZERO
+                there = ((light * height + row) * columns + col) * 3
+                each = _share(
+                    light_and_mask,
+                    here,
+                    channels,
+                    light,
+                    means[light],
+                    uneven,
+                    far,
+                    blur,
+                    there,
+                    mass[row, col],
+                    floats,
+                )
+                share[light, row, col] = np.uint8(np.ceil(each * np.float32(255)))
 
 
 @njit(cache=True)
 def _shares_of_texels(  # type: ignore[no-untyped-def]
-    row_of, area, texel_mm2, coverage, image, bend, start, width, margin, level, light, floats, flat, blurred, mass,
+    row_of, area, texel_mm2, coverage, image, bend, start, width, margin, level, floats, means, flat, blurred, mass,
     share,
 ):  # fmt: skip
+    light_and_mask, channels, blur = image.reshape(-1), image.shape[2], blurred.reshape(-1)
     for i in range(len(flat)):
         row, col = flat[i] // row_of.shape[1], flat[i] % row_of.shape[1]
         k = row_of[row, col]
         if k >= 0:
-            share[i] = _share(
-                row, col, area[k], texel_mm2[k], coverage[row, col], image[row + margin, col + margin], bend, start,
-                width, level, light, floats, blurred[i], mass[i],
-            )  # fmt: skip
+            uneven, block = _unevenness(
+                row, col, area[k], texel_mm2[k], coverage[row, col], start, width, level, floats
+            )
+            here = ((row + margin) * image.shape[1] + col + margin) * channels
+            for light in range(len(means)):
+                far = bend[block, light] if block >= 0 else _ZERO
+                there = (i * len(means) + light) * 3
+                share[i, light] = _share(
+                    light_and_mask, here, channels, light, means[light], uneven, far, blur, there, mass[i], floats
+                )
 
 
 @njit(cache=True, inline="always")
-def _share(  # type: ignore[no-untyped-def]
-    row, col, area, shorter2, coverage, here, bend, start, width, level, light, floats, blurred, mass
-):
-    """From 0 where half the threshold is predicted to 1 where all of it is."""
-    variance, mean_shorter2, mean_longer2, mean, threshold = floats[0], floats[1], floats[2], floats[3], floats[4]
-    change, uneven = _ZERO, _MOST_UNEVEN
-    if here[-1] > _BARE:
-        for c in range(3):
-            change = max(change, abs(blurred[c] - here[3 * light + c] / here[-1]))
+def _unevenness(row, col, area, shorter2, coverage, start, width, level, floats):  # type: ignore[no-untyped-def]
+    """min(r - 1, 2), and the block as wide as the lobe where texels are small, -1 where they are not."""
+    variance, mean_shorter2, mean_longer2 = floats[0], floats[1], floats[2]
+    uneven, block = _MOST_UNEVEN, np.int64(-1)
     if area > 0 and coverage > 0 and shorter2 > 0:
         longer2 = max((area / coverage) ** 2 / shorter2, shorter2)
         shorter_ratio = max(shorter2 / mean_shorter2, mean_shorter2 / shorter2)
@@ -177,6 +190,23 @@ def _share(  # type: ignore[no-untyped-def]
                 wider, block2 = wider + 1, 4 * block2
             if wider > 0:
                 scale = level + wider - 1
-                change = max(change, bend[start[scale] + (row >> wider) * width[scale] + (col >> wider), light])
-    error = max(_ONE - mass, _ZERO) * mean + change * uneven
-    return min(max(np.float32(2) * error / max(threshold * mean, _TINY) - _ONE, _ZERO), _ONE)
+                block = start[scale] + (row >> wider) * width[scale] + (col >> wider)
+    return uneven, block
+
+
+@njit(cache=True, inline="always")
+def _share(image, here, channels, light, mean, uneven, far, blurred, there, mass, floats):  # type: ignore[no-untyped-def]
+    """From 0 where half the threshold is predicted to 1 where all of it is; 0 of a light that is dark everywhere.
+
+    The texel's light and mask begin at `here` of `image`, T of this light at `there` of `blurred`, both flat.
+    """
+    share = _ZERO
+    if mean > 0:
+        change, covered = far, entry(image, here + channels - 1)
+        if covered > _BARE:
+            inverse = _ONE / covered
+            for c in range(3):
+                change = max(change, abs(entry(blurred, there + c) - entry(image, here + 3 * light + c) * inverse))
+        error = max(_ONE - mass, _ZERO) * mean + change * uneven
+        share = min(max(np.float32(2) * error / max(floats[3] * mean, _TINY) - _ONE, _ZERO), _ONE)
+    return share

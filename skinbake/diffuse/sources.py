@@ -40,6 +40,8 @@ class SourceTree:
         place without a source is far away, and all else 0.
     count : int
         Of sources.
+    largest : float
+        Amplitude.
     box : ndarray of shape (G, 6, 16), float32
         Least x y z and greatest x y z of sixteen boxes; those of the leaves first, then of the groups themselves.
     first_group : ndarray of shape (levels,), int64
@@ -48,6 +50,7 @@ class SourceTree:
 
     leaf: NDArray[np.float32]
     count: int
+    largest: float
     box: NDArray[np.float32]
     first_group: NDArray[np.int64]
 
@@ -94,7 +97,8 @@ def source_tree(
         levels.append(_no_boxes(len(levels[-1])))
         _enclose(levels[-2], levels[-1])
     first = np.cumsum([0, *(len(level) for level in levels[:-1])])
-    return SourceTree(leaf, sources, np.concatenate(levels), first)
+    largest = float(leaf[:, AMPLITUDE].max(initial=0))
+    return SourceTree(leaf, sources, largest, np.concatenate(levels), first)
 
 
 def _roots(shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -21,12 +21,12 @@ def diffuser_of(mesh, size=(240, 160), lights=1, edge_mm=0.3, **spec):
     return Diffuser([light.astype(np.float32)], atlas, mesh, DiffusionSpec(**spec))
 
 
-def shares(diffuser, variance, threshold, level=0, light=0):
-    """Rows that are summed and how much sums count, of the first tile."""
+def shares(diffuser, variance, threshold, level=0):
+    """How much sums count by light, 0 ... 1, and the kernel's mass on charts, of the first tile."""
     raster = diffuser.level_atlas(level)[0]
     mass = np.empty(raster.shape, np.float32)
     blurred = texture_blur(diffuser.pyramids[0], diffuser.variance_texels2(variance), level, None, mass)
-    return (*diffuser._predictor(0, level).share_of_sums(light, variance, threshold, blurred[light], mass), mass)
+    return diffuser._predictor(0, level).share_of_sums(variance, threshold, blurred, mass) / 255, mass
 
 
 def rms(diffuser, variance, *plan):
@@ -46,21 +46,21 @@ def test_few_sums_take_most_of_the_texture_s_error_away(layout, variance):
     texture = rms(diffuser, variance, "texture", variance, 0, 0.0, 0.0)
     hybrid = rms(diffuser, variance, "hybrid", variance, 0, 0.7, 0.02)
     surface = rms(diffuser, variance, "surface", variance, 0, 0.7, 0.0)
-    row, _, _ = shares(diffuser, variance, 0.02)
+    share, _ = shares(diffuser, variance, 0.02)
     covered = diffuser.atlas[0].area_mm2 > 0
     assert texture > 0.004
     assert hybrid < max(0.25 * texture, surface + 1e-3)
-    assert (row >= 0)[covered].mean() < 0.5
+    assert (share[0] > 0)[covered].mean() < 0.5
 
 
 def test_a_plane_is_summed_at_its_border_only():
     """Texels are all the mean one: blurs of any width are right until the chart ends."""
     diffuser = diffuser_of(quad(100, 80, uv_box=(0.1, 0.1, 0.9, 0.9)), edge_mm=0.2)
-    row, share, mass = shares(diffuser, 1.0, 0.01)
+    (share,), mass = shares(diffuser, 1.0, 0.01)
     assert (share[mass > 0.9999] == 0).all()
     inside = diffuser.atlas[0].addressed
     assert (share[inside & (mass < 0.98)] == 1).all()
-    assert 0 < (row >= 0).sum() < 0.25 * inside.sum()
+    assert 0 < (share > 0).sum() < 0.25 * inside.sum()
 
 
 def test_the_share_falls_smoothly_and_grows_as_the_threshold_falls():
@@ -68,11 +68,10 @@ def test_the_share_falls_smoothly_and_grows_as_the_threshold_falls():
     diffuser = diffuser_of(relief(), (200, 200))
     before = 0
     for threshold in (0.2, 0.05, 0.01):
-        row, share, _ = shares(diffuser, 0.5, threshold)
-        assert ((row >= 0) == (share > 0)).all()
+        (share,), _ = shares(diffuser, 0.5, threshold)
         assert ((share > 0.2) & (share < 0.8)).sum() > 20
-        assert (row >= 0).sum() > before
-        before = (row >= 0).sum()
+        assert (share > 0).sum() > before
+        before = (share > 0).sum()
 
 
 @pytest.mark.parametrize("level", [0, 1])
@@ -84,9 +83,9 @@ def test_a_few_texels_get_the_shares_that_the_map_has(level):
         variance, threshold, flat, *diffuser._blurred(0, variance, level, flat)
     )
     for light in range(2):
-        _, share, _ = shares(diffuser, variance, threshold, level, light)
+        share = shares(diffuser, variance, threshold, level)[0][light]
         assert share.any()
-        np.testing.assert_allclose(few[:, light], share.reshape(-1)[flat], atol=2e-3)
+        np.testing.assert_allclose(few[:, light], share.reshape(-1)[flat], atol=6e-3)  # steps of 1 / 255
 
 
 def test_read_hybrid_is_what_reading_the_map_gives():
@@ -96,7 +95,8 @@ def test_read_hybrid_is_what_reading_the_map_gives():
     plan = 1.0, 0, 0.8, 0.02
     got = diffuser.read_hybrid(*plan, probes)
     want = diffuser.read(diffuser.map("hybrid", *plan), probes, half=False)
-    np.testing.assert_allclose(got, want, atol=2e-5)
+    np.testing.assert_allclose(got, want, atol=2e-3)
+    assert np.abs(got - want).mean() < 1e-4
 
 
 def test_a_light_s_lobe_does_not_depend_on_what_else_is_lit():
@@ -114,8 +114,8 @@ def test_brighter_light_is_summed_at_the_same_texels():
     """The prediction is in units of the light's own mean."""
     diffuser = diffuser_of(relief(), (200, 180))
     brighter = Diffuser([diffuser.source[0] * np.float32(64)], diffuser.atlas, diffuser.mesh, diffuser.spec)
-    first, second = (shares(d, 0.5, 0.02)[1] for d in (diffuser, brighter))
-    np.testing.assert_allclose(second, first, atol=1e-4)
+    first, second = (shares(d, 0.5, 0.02)[0] for d in (diffuser, brighter))
+    np.testing.assert_allclose(second, first, atol=1.1 / 255)
 
 
 def test_scattered_targets_share_batches():
@@ -124,7 +124,7 @@ def test_scattered_targets_share_batches():
     whole = diffuser.map("surface", 1.0, 0, 0.8)[0][0]
     everywhere = diffuser.map("hybrid", 1.0, 0, 0.8, 1e-9)[0][0]
     some = diffuser.map("hybrid", 1.0, 0, 0.8, 0.05)[0][0]
-    _, share, _ = shares(diffuser, 1.0, 0.05)
+    (share,), _ = shares(diffuser, 1.0, 0.05)
     full = (share == 1) & (diffuser.atlas[0].area_mm2 > 0)
     assert LANES < full.sum() < 0.5 * full.size
     np.testing.assert_allclose(some[full], whole[full], atol=2e-5)
