@@ -39,7 +39,8 @@ PEAK = 10.0  # tolerances of the mean
 SEEN = 0.1  # of the mean: no less than this counts as a peak
 PEAK_SHARE = 0.003  # of the skin may be further off
 LOOSE = (2.0, 8.0, 32.0)  # tolerances that the blur of a hybrid lobe may be off by, as predicted
-_SCATTERED = 2.0  # lanes to a texel that is summed, where its neighbours are not
+_SCATTERED = 2.5  # lanes to a texel that is summed, where its neighbours are not
+_BESIDE = 0.02  # of the texels lie in the gutter, where all is summed
 # Seconds a texel, of the two-core machine this was tuned on: only their ratios matter, nothing is timed in a bake
 _WRITE = 7e-8
 _RISK = 2e-8  # that a lobe left to texture space alone fails at probes which no plan saw: a second plan
@@ -147,14 +148,13 @@ def _candidates(diffuser: Diffuser, variance: float, probes: Probes, exact: Floa
     lights, spacing = diffuser.lights, cluster_spacing(diffuser.spec.tolerance)
     found: list[Candidate] = []
 
-    def add(method: str, level: int, threshold: float, cost: float, read: Float) -> None:
+    def add(method: str, level: int, spacing: float, threshold: float, cost: float, read: Float) -> None:
         cost += _WRITE * _texels(diffuser, level) * lights
         tried = method in ("identity", "texture")
-        cost += _RISK * _texels(diffuser, 0) * lights * tried
-        of_sums = 0.0 if tried else spacing
-        found.append(Candidate(method, level, of_sums, threshold, cost, read, judge.rms(read - exact), tried))
+        cost += _RISK * _texels(diffuser, 0) * (1 + _FURTHER * (lights - 1)) * tried
+        found.append(Candidate(method, level, spacing, threshold, cost, read, judge.rms(read - exact), tried))
 
-    add("identity", 0, 0.0, 0.0, diffuser.read(diffuser.source, probes, half))
+    add("identity", 0, 0.0, 0.0, 0.0, diffuser.read(diffuser.source, probes, half))
     if min(diffuser.variance_texels2(variance)) < IDENTITY_TEXELS2:
         return found
     coarsest = min(widest_level(diffuser.variance_texels2(variance)), MAX_LEVELS)
@@ -164,14 +164,18 @@ def _candidates(diffuser: Diffuser, variance: float, probes: Probes, exact: Floa
         blur = _TEXTURE * texels * lights
         thresholds = [loose * diffuser.spec.tolerance for loose in LOOSE]
         texture, shares = diffuser.hybrid_blur(variance, level, thresholds, probes)
-        add("texture", level, 0.0, blur, texture)
+        add("texture", level, 0.0, 0.0, blur, texture)
         for threshold, share in zip(thresholds, shares, strict=True):
-            summed = float(np.mean(probes.weight[:, None] * (share > 0))) * _SCATTERED
+            summed = (float(np.mean(probes.weight[:, None] * (share > 0))) + _BESIDE) * _SCATTERED
             predict = _PREDICT * (1 + _FURTHER * (lights - 1))
-            sums = summed * lights * _sum_cost(diffuser, variance, level, spacing, 1)
             read = texture + np.repeat(share, 3, axis=1) * (exact - texture)
-            add("hybrid", level, threshold, blur + (predict + sums) * texels + sources, read)
-        add("surface", level, 0.0, _surface_cost(diffuser, variance, level, spacing) + sources, exact)
+            # A few sums over single texels are sooner done than a lobe's clusters found
+            cost, of_sums = min(
+                (summed * lights * texels * _sum_cost(diffuser, variance, level, each, 1) + found_in, each)
+                for each, found_in in ((0.0, 0.0), (spacing, sources))
+            )
+            add("hybrid", level, of_sums, threshold, blur + predict * texels + cost, read)
+        add("surface", level, spacing, 0.0, _surface_cost(diffuser, variance, level, spacing) + sources, exact)
     return found
 
 
