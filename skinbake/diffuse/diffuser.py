@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, Atlas, rasterize
 from skinbake.diffuse.clusters import bending
+from skinbake.diffuse.foreign import distance_to_foreign
 from skinbake.diffuse.gather import cut_sigma, gather
 from skinbake.diffuse.hybrid import Predictor
 from skinbake.diffuse.points import TexelPoints, copy_gutter, extended_points, texel_points
@@ -299,6 +300,7 @@ class Diffuser:
             level=level,
             pyramid=self.surface.tiles[tile][2],
             bend=self._bend[tile],
+            foreign_mm=self._foreign_mm[tile],
             mean_texel_mm2=(min(self.mm_per_texel) ** 2 * 4**level, max(self.mm_per_texel) ** 2 * 4**level),
             mean=self.mean_light,
         )
@@ -306,6 +308,10 @@ class Diffuser:
     @cached_property
     def _bend(self) -> list[NDArray[np.float32]]:
         return [bending(pyramid) for _, _, pyramid in self.surface.tiles]
+
+    @cached_property
+    def _foreign_mm(self) -> list[NDArray[np.float32]]:
+        return distance_to_foreign([pyramid for _, _, pyramid in self.surface.tiles])
 
     def _hybrid_map(self, variance_mm2: float, level: int, spacing: float, threshold: float) -> Tiles:
         """One lobe: the texture's blur, then sums where it is predicted to be wrong, light by light."""

@@ -4,17 +4,15 @@ On most of a head texture space is right: where nothing changes within reach, a 
 borders of charts, and where light changes on skin whose texels are not those of the mean size. Both show in the blur
 itself, T = K[M E] / K[M]: the mass K[M] falls below one where a border is within reach, and |T - E| is what blurring
 has changed. Where texels are small, the blur is narrower than the lobe: what changes further away than it looks shows
-in the light of blocks as wide as the lobe, in how far it is from halfway between its neighbours, B. An error is
-predicted for each texel and light,
+in the light of blocks as wide as the lobe, in how far it is from halfway between its neighbours, B. What is near in
+space but not in the texture (`foreign`), d away, may add up to half of exp(-d^2 / 2v). An error is predicted for each
+texel and light,
 
-    e = (1 - K[M]) mean(E) + max(|T - E|, B) min(r - 1, 2),
+    e = max(1 - K[M], exp(-d^2 / 2v) / 2) mean(E) + max(|T - E|, B) min(r - 1, 2),
 
 r the ratio, above one, of the squared length of a texel on the skin to the mean one's, along the worse of two axes.
 Where e is above a threshold the sum counts, where it is below half of that the blur does; between the two they are
 mixed, so that no line shows. Each light is predicted by itself: its lobes do not depend on what else is lit.
-
-Skin that is near in space but far off in the same chart (a fold, the far side of an ear) is seen by neither, unless its
-light shows in B: the probes that judge every bake see it.
 """
 
 from __future__ import annotations
@@ -27,6 +25,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.clusters import MomentPyramid
+from skinbake.diffuse.foreign import LEVEL
 from skinbake.diffuse.lanes import entry
 from skinbake.diffuse.points import TexelPoints
 from skinbake.numerics import Float
@@ -53,6 +52,8 @@ class Predictor:
         Of the full size.
     bend : ndarray of shape (B, L), float32
         `bending(pyramid)`.
+    foreign_mm : ndarray of shape (H / 8, W / 8), float32
+        `distance_to_foreign` of this tile.
     mean_texel_mm2 : (float, float)
         Squared lengths of the texel that the blur was made for, the shorter first.
     mean : sequence of L floats
@@ -66,6 +67,7 @@ class Predictor:
     level: int
     pyramid: MomentPyramid
     bend: NDArray[np.float32]
+    foreign_mm: NDArray[np.float32]
     mean_texel_mm2: tuple[float, float]
     mean: Sequence[float]
 
@@ -91,9 +93,9 @@ class Predictor:
         points, pyramid = self.points, self.pyramid
         share = np.empty(blurred.shape[:3], np.uint8)
         _shares(
-            points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend, pyramid.start,
-            pyramid.width, self.margin, self.level, self._floats(variance_mm2, threshold), self._means(), blurred, mass,
-            share,
+            points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend,
+            self.foreign_mm, pyramid.start, pyramid.width, self.margin, self.level,
+            self._floats(variance_mm2, threshold), self._means(), blurred, mass, share,
         )  # fmt: skip
         return share
 
@@ -104,8 +106,9 @@ class Predictor:
         points, pyramid = self.points, self.pyramid
         share = np.zeros((len(flat), len(self.mean)), np.float32)
         _shares_of_texels(
-            points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend, pyramid.start,
-            pyramid.width, self.margin, self.level, self._floats(variance_mm2, threshold), self._means(), flat,
+            points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend,
+            self.foreign_mm, pyramid.start, pyramid.width, self.margin, self.level,
+            self._floats(variance_mm2, threshold), self._means(), flat,
             blurred.reshape(len(flat), len(self.mean), 3).astype(np.float32), mass.astype(np.float32), share,
         )  # fmt: skip
         return share
@@ -119,8 +122,9 @@ class Predictor:
 
 @njit(cache=True, parallel=True)
 def _shares(  # type: ignore[no-untyped-def]
-    row_of, area, texel_mm2, coverage, image, bend, start, width, margin, level, floats, means, blurred, mass, share
-):
+    row_of, area, texel_mm2, coverage, image, bend, foreign_mm, start, width, margin, level, floats, means, blurred,
+    mass, share,
+):  # fmt: skip
     height, columns = row_of.shape
     light_and_mask, channels, blur = image.reshape(-1), image.shape[2], blurred.reshape(-1)
     for row in prange(height):
@@ -132,30 +136,21 @@ def _shares(  # type: ignore[no-untyped-def]
             uneven, block = _unevenness(
                 row, col, area[k], texel_mm2[k], coverage[row, col], start, width, level, floats
             )
+            unseen = _unseen(row, col, level, foreign_mm, floats, mass[row, col])
             here = ((row + margin) * image.shape[1] + col + margin) * channels
             for light in range(len(means)):
                 far = bend[block, light] if block >= 0 else _ZERO
                 there = ((light * height + row) * columns + col) * 3
                 each = _share(
-                    light_and_mask,
-                    here,
-                    channels,
-                    light,
-                    means[light],
-                    uneven,
-                    far,
-                    blur,
-                    there,
-                    mass[row, col],
-                    floats,
+                    light_and_mask, here, channels, light, means[light], uneven, far, blur, there, unseen, floats
                 )
                 share[light, row, col] = np.uint8(np.ceil(each * np.float32(255)))
 
 
 @njit(cache=True)
 def _shares_of_texels(  # type: ignore[no-untyped-def]
-    row_of, area, texel_mm2, coverage, image, bend, start, width, margin, level, floats, means, flat, blurred, mass,
-    share,
+    row_of, area, texel_mm2, coverage, image, bend, foreign_mm, start, width, margin, level, floats, means, flat,
+    blurred, mass, share,
 ):  # fmt: skip
     light_and_mask, channels, blur = image.reshape(-1), image.shape[2], blurred.reshape(-1)
     for i in range(len(flat)):
@@ -165,12 +160,13 @@ def _shares_of_texels(  # type: ignore[no-untyped-def]
             uneven, block = _unevenness(
                 row, col, area[k], texel_mm2[k], coverage[row, col], start, width, level, floats
             )
+            unseen = _unseen(row, col, level, foreign_mm, floats, mass[i])
             here = ((row + margin) * image.shape[1] + col + margin) * channels
             for light in range(len(means)):
                 far = bend[block, light] if block >= 0 else _ZERO
                 there = (i * len(means) + light) * 3
                 share[i, light] = _share(
-                    light_and_mask, here, channels, light, means[light], uneven, far, blur, there, mass[i], floats
+                    light_and_mask, here, channels, light, means[light], uneven, far, blur, there, unseen, floats
                 )
 
 
@@ -195,7 +191,17 @@ def _unevenness(row, col, area, shorter2, coverage, start, width, level, floats)
 
 
 @njit(cache=True, inline="always")
-def _share(image, here, channels, light, mean, uneven, far, blurred, there, mass, floats):  # type: ignore[no-untyped-def]
+def _unseen(row, col, level, foreign_mm, floats, mass):  # type: ignore[no-untyped-def]
+    """Share of the lobe that may lie where the blur does not look: beyond a border, or on foreign skin."""
+    away = foreign_mm[row << level >> LEVEL, col << level >> LEVEL]
+    beyond = _ZERO
+    if away * away < np.float32(32) * floats[0]:
+        beyond = np.float32(0.5) * np.exp(-away * away / (np.float32(2) * floats[0]))
+    return max(_ONE - mass, beyond)
+
+
+@njit(cache=True, inline="always")
+def _share(image, here, channels, light, mean, uneven, far, blurred, there, unseen, floats):  # type: ignore[no-untyped-def]
     """From 0 where half the threshold is predicted to 1 where all of it is; 0 of a light that is dark everywhere.
 
     The texel's light and mask begin at `here` of `image`, T of this light at `there` of `blurred`, both flat.
@@ -207,6 +213,6 @@ def _share(image, here, channels, light, mean, uneven, far, blurred, there, mass
             inverse = _ONE / covered
             for c in range(3):
                 change = max(change, abs(entry(blurred, there + c) - entry(image, here + 3 * light + c) * inverse))
-        error = max(_ONE - mass, _ZERO) * mean + change * uneven
+        error = unseen * mean + change * uneven
         share = min(max(np.float32(2) * error / max(floats[3] * mean, _TINY) - _ONE, _ZERO), _ONE)
     return share

@@ -167,7 +167,7 @@ def _without_counted(weights: SlabWeights, diffused: DiffuseMap, gaussians: Gaus
     """Take off what lobes summed over the surface in space already carry through a slab, THEORY (7.2)."""
     taken = weights.weight_rgb.copy()
     for i, lobe in enumerate(diffused.lobes):
-        if lobe.method in ("surface", "reference") and lobe.variance_mm2 > 0:
+        if lobe.method in ("hybrid", "surface", "reference") and lobe.variance_mm2 > 0:
             through = np.exp(-(weights.thickness_mm**2) / (2 * lobe.variance_mm2))
             taken[:, i] -= through[:, None] * gaussians.weight_rgb[i]
     return SlabWeights(weights.thickness_mm, taken)
