@@ -22,12 +22,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skinbake.diffuse.clusters import contrast
+from skinbake.diffuse.costs import hybrid_cost, risk_cost, surface_cost, texture_cost, write_cost
 from skinbake.diffuse.diffuse_map import PlanLine
 from skinbake.diffuse.diffuser import Diffuser
 from skinbake.diffuse.error import weighted_sum
 from skinbake.diffuse.plan import IDENTITY_TEXELS2, LobePlan, cluster_spacing
 from skinbake.diffuse.probes import PLAN, Probes, draw_probes, joined_probes
-from skinbake.diffuse.texture import level_size, widest_level
+from skinbake.diffuse.texture import widest_level
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
 
@@ -39,19 +40,6 @@ PEAK = 10.0  # tolerances of the mean
 SEEN = 0.1  # of the mean: no less than this counts as a peak
 PEAK_SHARE = 0.003  # of the skin may be further off
 LOOSE = (2.0, 8.0, 32.0)  # tolerances that the blur of a hybrid lobe may be off by, as predicted
-_SCATTERED = 2.5  # lanes to a texel that is summed, where its neighbours are not
-_BESIDE = 0.02  # of the texels lie in the gutter, where all is summed
-# Seconds a texel, of the two-core machine this was tuned on: only their ratios matter, nothing is timed in a bake
-_WRITE = 7e-8
-_RISK = 2e-8  # that a lobe left to texture space alone fails at probes which no plan saw: a second plan
-_TEXTURE = 6.5e-9
-_PREDICT = 5e-9
-_FURTHER = 0.4  # of a light's pairs or prediction, for each one more that goes along
-_PAIR = 1.6e-10
-_SURFACE = 2.5e-8
-_SOURCE = 2.2e-8
-_INTERPOLATE = 1.2e-8
-_SUMMED = (1.0, 0.12, 0.04)  # share of texels that is not interpolated, from the first size summed on
 
 
 @dataclass(frozen=True)
@@ -145,37 +133,30 @@ def plan_auto(
 def _candidates(diffuser: Diffuser, variance: float, probes: Probes, exact: Float, half: bool) -> list[Candidate]:
     """The identity first; surface sums untried."""
     judge = _Judge(exact, probes.weight, len(probes))
-    lights, spacing = diffuser.lights, cluster_spacing(diffuser.spec.tolerance)
+    spacing = cluster_spacing(diffuser.spec.tolerance)
+    thresholds = [loose * diffuser.spec.tolerance for loose in LOOSE]
     found: list[Candidate] = []
 
     def add(method: str, level: int, spacing: float, threshold: float, cost: float, read: Float) -> None:
-        cost += _WRITE * _texels(diffuser, level) * lights
+        cost += write_cost(diffuser, level)
         tried = method in ("identity", "texture")
-        cost += _RISK * _texels(diffuser, 0) * (1 + _FURTHER * (lights - 1)) * tried
+        if tried:
+            cost += risk_cost(diffuser)
         found.append(Candidate(method, level, spacing, threshold, cost, read, judge.rms(read - exact), tried))
 
     add("identity", 0, 0.0, 0.0, 0.0, diffuser.read(diffuser.source, probes, half))
     if min(diffuser.variance_texels2(variance)) < IDENTITY_TEXELS2:
         return found
     coarsest = min(widest_level(diffuser.variance_texels2(variance)), MAX_LEVELS)
-    sources = _SOURCE * _sources(diffuser, variance, spacing)
     for level in range(coarsest + 1):
-        texels = _texels(diffuser, level)
-        blur = _TEXTURE * texels * lights
-        thresholds = [loose * diffuser.spec.tolerance for loose in LOOSE]
         texture, shares = diffuser.hybrid_blur(variance, level, thresholds, probes)
-        add("texture", level, 0.0, 0.0, blur, texture)
+        add("texture", level, 0.0, 0.0, texture_cost(diffuser, level), texture)
         for threshold, share in zip(thresholds, shares, strict=True):
-            summed = (float(np.mean(probes.weight[:, None] * (share > 0))) + _BESIDE) * _SCATTERED
-            predict = _PREDICT * (1 + _FURTHER * (lights - 1))
+            summed = float(np.mean(probes.weight[:, None] * (share > 0)))
+            cost, of_sums = hybrid_cost(diffuser, variance, level, spacing, summed)
             read = texture + np.repeat(share, 3, axis=1) * (exact - texture)
-            # A few sums over single texels are sooner done than a lobe's clusters found
-            cost, of_sums = min(
-                (summed * lights * texels * _sum_cost(diffuser, variance, level, each, 1) + found_in, each)
-                for each, found_in in ((0.0, 0.0), (spacing, sources))
-            )
-            add("hybrid", level, of_sums, threshold, blur + predict * texels + cost, read)
-        add("surface", level, spacing, 0.0, _surface_cost(diffuser, variance, level, spacing) + sources, exact)
+            add("hybrid", level, of_sums, threshold, cost, read)
+        add("surface", level, spacing, 0.0, surface_cost(diffuser, variance, level, spacing), exact)
     return found
 
 
@@ -186,43 +167,6 @@ def _tried(diffuser: Diffuser, variance: float, probes: Probes, exact: Float, lo
     else:
         read = diffuser.read_surface(variance, lobe.level, lobe.spacing, probes)
     return replace(lobe, read=read, error=_Judge(exact, probes.weight, len(probes)).rms(read - exact), tried=True)
-
-
-def _texels(diffuser: Diffuser, level: int) -> int:
-    height, width = level_size(diffuser.size, level)
-    return height * width * len(diffuser.atlas)
-
-
-def _surface_cost(diffuser: Diffuser, variance: float, level: int, spacing: float) -> float:
-    cost, first = 0.0, level
-    while diffuser.interpolates(variance, first):
-        first += 1
-    for finer, summed in zip(range(first, level - 1, -1), (*_SUMMED, *(_SUMMED[-1],) * first), strict=False):
-        each = summed * _sum_cost(diffuser, variance, finer, spacing, diffuser.lights)
-        cost += _texels(diffuser, finer) * (each + _INTERPOLATE * diffuser.lights)
-    return cost
-
-
-def _sum_cost(diffuser: Diffuser, variance: float, level: int, spacing: float, lights: int) -> float:
-    """Of one texel."""
-    texel = diffuser.surface.mean_texel_mm2
-    pairs = (
-        np.pi * ((diffuser.cut + 1) ** 2 * variance + 4 * texel * 4**level) / _source_mm2(diffuser, variance, spacing)
-    )
-    return float(_SURFACE + _PAIR * pairs * (1 + _FURTHER * (lights - 1)))
-
-
-def _source_mm2(diffuser: Diffuser, variance: float, spacing: float) -> float:
-    """Skin of one source: clusters are between the widest and a quarter of it."""
-    return max(0.5 * spacing**2 * variance, diffuser.surface.mean_texel_mm2)
-
-
-def _sources(diffuser: Diffuser, variance: float, spacing: float) -> float:
-    """Number of sources that a lobe needs for itself; single texels the probes need too."""
-    if diffuser.sums_texels("surface", variance, spacing):
-        return 0.0
-    texel = diffuser.surface.mean_texel_mm2
-    return _texels(diffuser, 0) * texel / _source_mm2(diffuser, variance, spacing)
 
 
 class _Judge:
