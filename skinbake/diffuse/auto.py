@@ -33,6 +33,7 @@ from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
 
 PROBES = 1000
+VERIFYING = 2000  # probes, for whose luck a plan allows that no probes will judge
 MARGIN = 0.9  # of the tolerance, for what the planning probes did not see
 LUCK = 2.0  # standard deviations of the measured mean square
 MAX_LEVELS = 4
@@ -96,7 +97,7 @@ def plan_auto(
     ]
     want = weighted_sum(exact, gaussians.weight_rgb)
     tolerance = diffuser.spec.tolerance
-    judge = _Judge(want, probes.weight, max(diffuser.spec.probes, 1), max(PEAK * tolerance, SEEN))
+    judge = _Judge(want, probes.weight, diffuser.spec.probes or VERIFYING, max(PEAK * tolerance, SEEN))
     limit = MARGIN * tolerance
     chosen = _search(options, gaussians.weight_rgb, judge, limit)
     while any(not lobe[k].tried for lobe, k in zip(options, chosen, strict=True)):
