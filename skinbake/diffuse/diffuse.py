@@ -144,15 +144,16 @@ def _make(
 ) -> tuple[list[Tiles], MeasuredError | None, list[MeasuredError | None]]:
     """Every lobe; the error of their sum and of each, if there are probes."""
     variances = [float(v) for v in gaussians.variance_mm2]
-    diffuser.drop_pyramids()
+    sums_texels = [diffuser.sums_texels(p.method, v, p.spacing) for p, v in zip(plans, variances, strict=True)]
+    if not any(sums and p.method == "hybrid" for sums, p in zip(sums_texels, plans, strict=True)):
+        diffuser.drop_pyramids()  # not wanted before the single texels are done with
     tell("measuring lobes exactly")
     exact = [diffuser.reference(v, probes) for v in variances] if len(probes) else []
     made: dict[int, Tiles] = {}
     unreduced, read = {}, {}
     # What lobes share is larger than they are: first those of single texels, then those of pyramids, each let go
     share = [
-        0 if diffuser.sums_texels(p.method, v, p.spacing) else 1 if p.method in ("texture", "hybrid") else 2
-        for p, v in zip(plans, variances, strict=True)
+        0 if sums else 1 if p.method in ("texture", "hybrid") else 2 for sums, p in zip(sums_texels, plans, strict=True)
     ]
     for i in sorted(range(len(plans)), key=share.__getitem__):
         if share[i] > 0:

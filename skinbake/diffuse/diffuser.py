@@ -33,7 +33,6 @@ from skinbake.diffuse.texture import (
     level_margin,
     level_size,
     mean_mm_per_texel,
-    read_texture,
     texture_at,
     texture_blur,
     texture_pyramids,
@@ -235,10 +234,6 @@ class Diffuser:
                 each = predictor.shares_of_texels(variance_mm2, threshold, flat.reshape(-1), values, mass)
                 share[mine] = np.einsum("pkl,pk->pl", each.reshape(*flat.shape, -1), weight)
         return texture, shares
-
-    def read_texture(self, variance_mm2: float, level: int, probes: Probes) -> Float:
-        """What reading a stored `texture` lobe will give at the probes."""
-        return read_texture(self.pyramids, self.variance_texels2(variance_mm2), level, probes)
 
     def read(self, tiles: Tiles, probes: Probes, half: bool) -> Float:
         """A stored lobe read bilinearly at the probes, (P, 3 L)."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
-from skinbake.diffuse.probes import Probes, bilinear_texels
+from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.separable import decimate, decimation_weights, masked_light, normalised_blur
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
@@ -182,21 +182,6 @@ def texture_at(
         out[mine], _ = blur_at(
             pyramid, variance_texels2, level, [(texel[a] + 0.5) * size[a] / full[a] - 0.5 for a in (0, 1)]
         )
-    return out
-
-
-def read_texture(
-    pyramids: Sequence[TexturePyramid], variance_texels2: tuple[float, float], level: int, probes: Probes
-) -> Float:
-    """What reading the stored lobe will give at the probes, from the four texels around each only, (P, 3 L)."""
-    out = np.zeros((len(probes), pyramids[0].levels[0].shape[2] - 1))
-    for k, pyramid in enumerate(pyramids):
-        mine = np.flatnonzero(probes.tile == k)
-        height, width = level_size(pyramid.levels[0].shape[:2], level)
-        flat, weight = bilinear_texels(probes.place[mine], height, width)
-        texel = np.divmod(flat.reshape(-1), width)
-        values, _ = blur_at(pyramid, variance_texels2, level, [axis.astype(np.float64) for axis in texel])
-        out[mine] = np.einsum("pkc,pk->pc", values.reshape(*flat.shape, -1), weight)
     return out
 
 
