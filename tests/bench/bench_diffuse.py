@@ -12,6 +12,7 @@ import json
 import resource
 import time
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -36,6 +37,12 @@ WEIGHT_RGB = np.array(
         [0.078, 0, 0],
     ]
 )
+_ROOT = Path(__file__).parents[2]
+SCAN = [
+    folder
+    for folder in (_ROOT.parent / "shared" / "assets" / "lee_perry_smith", _ROOT / "data" / "lee_perry_smith")
+    if (folder / "head.obj").is_file()
+]
 SKIN = GaussianSum(VARIANCE_MM2, WEIGHT_RGB, np.zeros(3), np.ones(3))
 
 
@@ -110,11 +117,7 @@ def scan() -> tuple[SkinMesh, str] | None:
     """The Lee Perry-Smith head when it is there."""
     from skinbake.io.mesh import read_mesh
 
-    root = Path(__file__).parents[2]
-    for folder in (root.parent / "shared" / "assets" / "lee_perry_smith", root / "data" / "lee_perry_smith"):
-        if (folder / "head.obj").is_file():
-            return read_mesh(str(folder / "head.obj"), 50.35), "Lee Perry-Smith"
-    return None
+    return (read_mesh(str(SCAN[0] / "head.obj"), 50.35), "Lee Perry-Smith") if SCAN else None
 
 
 def hard_key(mesh, atlas) -> dict:
@@ -141,6 +144,28 @@ def hard_key(mesh, atlas) -> dict:
     return {"source": source, "seconds": seconds}
 
 
+def seconds_of_one_light(size: int) -> float:
+    """Lighting the scan by one sun with traced shadows, as a bake does it; what rays meet is there already."""
+    from skinbake.io.config import load_look
+    from skinbake.io.scene_files import read_scene
+    from skinbake.pipeline import atlas_of, light_skin
+
+    look = f"""
+mesh: {{path: "{SCAN[0] / "head.obj"}", mm_per_unit: 50.35}}
+texture: {{size: {size}}}
+skin: {{preset: gpugems3-six-gaussians}}
+lights: [{{name: key, type: directional, direction: [0.6, -0.5, -0.62], irradiance: [3, 2.8, 2.5]}}]
+output: {{dir: out}}
+"""
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "look.yaml").write_text(look)
+        spec = load_look(Path(folder) / "look.yaml")
+        scene = read_scene(spec)
+    atlas = atlas_of(spec, scene.mesh)
+    assert scene.occluder
+    return best(lambda: light_skin(spec, scene, atlas))[0]
+
+
 def on_the_scan(size: int, probes: int) -> dict:
     """Each method's error and seconds, lobe by lobe and summed."""
     found = scan()
@@ -149,7 +174,11 @@ def on_the_scan(size: int, probes: int) -> dict:
     mesh, _ = found
     atlas = rasterize(mesh, (size, size))
     key = hard_key(mesh, atlas)
-    report: dict = {"seconds_shadow_rays": key["seconds"], "methods": {}}
+    report: dict = {
+        "seconds_shadow_rays": key["seconds"],
+        "seconds_of_one_light": seconds_of_one_light(size),
+        "methods": {},
+    }
     for method, tolerance in (
         ("texture", 0.003),
         ("stretch", 0.003),
@@ -160,23 +189,27 @@ def on_the_scan(size: int, probes: int) -> dict:
         ("auto", 0.01),
     ):
         spec = DiffusionSpec(method=method, tolerance=tolerance, probes=probes)
-        marks: list[tuple[str, float]] = []
-        start = time.perf_counter()
-        baked = diffuse(
-            key["source"],
-            ("key",),
-            atlas,
-            mesh,
-            SKIN,
-            spec,
-            0,
-            progress=lambda s, m=marks: m.append((s, time.perf_counter())),
-        )
-        end = time.perf_counter()
-        ends = [t for _, t in marks[1:]] + [end]
-        measuring = sum(t - began for (s, began), t in zip(marks, ends, strict=True) if s.startswith("measuring"))
+        seconds = []
+        for _ in range(3):
+            marks: list[tuple[str, float]] = []
+            start = time.perf_counter()
+            baked = diffuse(
+                key["source"],
+                ("key",),
+                atlas,
+                mesh,
+                SKIN,
+                spec,
+                0,
+                progress=lambda s, m=marks: m.append((s, time.perf_counter())),
+            )
+            end = time.perf_counter()
+            ends = [t for _, t in marks[1:]] + [end]
+            measuring = sum(t - began for (s, began), t in zip(marks, ends, strict=True) if s.startswith("measuring"))
+            seconds.append((end - start - measuring, measuring))
+        lobes, measuring = min(seconds)  # the first runs touch fresh memory
         report["methods"][f"{method} {tolerance}"] = {
-            "seconds_lobes": end - start - measuring,
+            "seconds_lobes": lobes,
             "seconds_error": measuring,
             "met": baked.tolerance_met,
             "rms": baked.error.rms,
@@ -270,7 +303,9 @@ def main() -> None:
     for name, row in report["scan"].get("seams", {}).items():
         print(f"seam sides apart, {name:14s} of {row['samples']}: rms {row['rms']:.3%} p95 {row['p95']:.3%}")
     rays = report["scan"].get("seconds_shadow_rays", float("nan"))
-    print(f"one light's shadow rays {rays:.2f} s, peak {report['peak_gib']:.2f} GiB")
+    light = report["scan"].get("seconds_of_one_light", float("nan"))
+    print(f"one light's shadow rays {rays:.2f} s, all of its lighting in a bake {light:.2f} s")
+    print(f"peak {report['peak_gib']:.2f} GiB")
     if options.json:
         options.json.write_text(json.dumps(report, indent=1))
 
