@@ -91,7 +91,8 @@ def draw_probes(
     if len(chance) == 0 or chance[-1] <= 0:
         count = 0
     drawn = np.sort(rng.random(count) * (chance[-1] if count else 0.0))
-    block = np.minimum(np.searchsorted(chance, drawn, side="right"), len(chance) - 1)
+    # A draw that rounds up to all there is belongs to the last block that can be drawn, not to an empty one behind it
+    block = np.minimum(np.searchsorted(chance, drawn, side="right"), np.searchsorted(chance, chance[-1:]))
     rest = drawn - np.where(block > 0, chance[block - 1], 0.0)
     first = np.cumsum([0, *(len(each) for each in sums)])
     tile = np.searchsorted(first, block, side="right").astype(np.int32) - 1

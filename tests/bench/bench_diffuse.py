@@ -18,6 +18,7 @@ import numpy as np
 
 from skinbake.atlas import face_mm_per_texel, interpolate, rasterize
 from skinbake.diffuse import diffuse
+from skinbake.diffuse.auto import LOOSE
 from skinbake.diffuse.diffuser import Diffuser
 from skinbake.diffuse.plan import fixed_plan
 from skinbake.diffuse.texture import texture_blur, texture_pyramid, widest_level
@@ -253,9 +254,11 @@ def seams(mesh, atlas, source, count: int = 10_000) -> dict:
         clean &= (shown[bilinear_texels(place, *atlas[0].shape)[0]] == charts[face][:, None]).all(axis=1)
     diffuser = Diffuser(source, atlas, mesh, DiffusionSpec(tolerance=0.003))
     images = {"before": source[0]}
-    for method in ("texture", "surface"):
+    for method in ("texture", "hybrid", "surface"):
         plan = fixed_plan(diffuser, method, 1.99)
-        images[method] = diffuser.map(method, 1.99, 0, plan.spacing)[0]
+        images[method] = diffuser.map(method, 1.99, 0, plan.spacing, plan.threshold)[0]
+    # As loose as `auto` allows a hybrid lobe to be
+    images["hybrid, loose"] = diffuser.map("hybrid", 1.99, 0, plan.spacing, LOOSE[-1] * diffuser.spec.tolerance)[0]
     out = {}
     for name, image in images.items():
         sides = [read_bilinear(image, place) for place in places]
