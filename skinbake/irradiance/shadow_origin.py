@@ -153,12 +153,12 @@ def long_ways(
                 out[row, col] = dx * dx + dy * dy + dz * dz > threshold_mm[face] * threshold_mm[face]
 
 
-@njit(cache=True)
+@njit(cache=True, parallel=True)
 def place(
     face: NDArray[np.int32], barycentric: Image, facets: Facets, step_mm: Float, start: Image, way: Image
 ) -> None:
     """`way_up` at n places in faces: `start` and `way`, both (n, 3), are written."""
-    for i in range(len(face)):
+    for i in prange(len(face)):
         px, py, pz, dx, dy, dz = way_up(
             facets, step_mm, face[i], np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
         )

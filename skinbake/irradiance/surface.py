@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +36,12 @@ class TexelSurface:
         Unit, with and without the normal map; the same array where there is none.
     roughness, strength : ndarrays of shape (H, W) or (1, 1), float32
         Beckmann m, and rho_s times the specular map.
-    facets : Facets
-        Of the occluder. Positions are computed from them where they are asked for, since most texels never are.
-    step_mm, per_texel : ndarrays by face
+    occluder : Occluder
+        Positions are computed from its facets where they are asked for, since most texels never are.
+    texel_mm : ndarray of shape (F,)
+        Shorter length of a texel of each face.
+    per_texel : ndarray by face
         For ray origins, see `place_inside_texels`.
-    on_facet : ndarray of shape (H, W), bool
-        Where another surface bars the way to the smooth surface.
     """
 
     raster: AtlasRaster
@@ -48,10 +49,26 @@ class TexelSurface:
     smooth_normal: Image
     roughness: Image
     strength: Image
-    facets: Facets
-    step_mm: Float
+    occluder: Occluder
+    texel_mm: Float
     per_texel: Float
-    on_facet: NDArray[np.bool_]
+
+    @property
+    def facets(self) -> Facets:
+        """What the rays meet."""
+        return self.occluder.facets
+
+    @cached_property
+    def on_facet(self) -> NDArray[np.bool_]:
+        """Where another surface, as between closed lips, bars the way from the facet to the smooth surface, (H, W)."""
+        raster, step_mm = self.raster, _step_mm(self.texel_mm, self.occluder)
+        barred = np.empty(raster.shape, np.bool_)
+        threshold_mm = WORTH_CHECKING * self.texel_mm
+        long_ways(raster.face_index, raster.barycentric, self.facets, step_mm, threshold_mm, barred)
+        texels, flat = np.flatnonzero(barred), barred.reshape(-1)
+        face, barycentric = raster.face_index.reshape(-1)[texels], raster.barycentric.reshape(-1, 2)[texels]
+        *_, flat[texels] = _ways_up(face, barycentric, self.occluder, step_mm)
+        return barred
 
     def origins(self, texels: Index) -> Image:
         """Where the shadow rays of texels (row * W + col) start: on the smooth surface, shape (n, 3)."""
@@ -61,8 +78,9 @@ class TexelSurface:
         """Origins of a grid of rays inside each texel, shape (n, grid * grid, 3)."""
         out = np.empty((len(texels), grid * grid, 3), np.float32)
         face_index, barycentric = self.raster.face_index, self.raster.barycentric
+        step_mm = _step_mm(self.texel_mm, self.occluder)
         place_inside_texels(
-            texels, grid, face_index, barycentric, self.per_texel, self.facets, self.step_mm, self.on_facet, out
+            texels, grid, face_index, barycentric, self.per_texel, self.facets, step_mm, self.on_facet, out
         )
         return out
 
@@ -72,8 +90,6 @@ def texel_surface(
 ) -> TexelSurface:
     """Gather it once a tile; every light uses it."""
     height, width = raster.shape
-    texel_mm = face_mm_per_texel(mesh, (width, height)).min(axis=1)
-    step_mm = _step_mm(texel_mm, occluder)
     smooth, normal = shading_normals(raster, mesh, maps)
     return TexelSurface(
         raster,
@@ -81,10 +97,9 @@ def texel_surface(
         smooth,
         _map_or_constant(raster, mesh, maps.roughness, specular.roughness),
         np.float32(specular.strength) * _map_or_constant(raster, mesh, maps.specular, 1.0),
-        occluder.facets,
-        step_mm,
+        occluder,
+        face_mm_per_texel(mesh, (width, height)).min(axis=1),
         _barycentrics_per_texel(mesh, width, height),
-        _barred(raster, occluder, step_mm, WORTH_CHECKING * texel_mm),
     )
 
 
@@ -110,15 +125,6 @@ def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int],
 def _step_mm(texel_mm: Float, occluder: Occluder) -> Float:
     """Step off each face that round-off asks for."""
     return TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
-
-
-def _barred(raster: AtlasRaster, occluder: Occluder, step_mm: Float, threshold_mm: Float) -> NDArray[np.bool_]:
-    """Where the way from the facet to the smooth surface meets another surface, as between closed lips, (H, W)."""
-    barred = np.empty(raster.shape, np.bool_)
-    long_ways(raster.face_index, raster.barycentric, occluder.facets, step_mm, threshold_mm, barred)
-    rows, cols = np.nonzero(barred)
-    *_, barred[rows, cols] = _ways_up(raster.face_index[rows, cols], raster.barycentric[rows, cols], occluder, step_mm)
-    return barred
 
 
 def _ways_up(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,18 +43,18 @@ class SkinMesh:
             if got != want:
                 raise ValueError(f"SkinMesh.{name}: expected shape {want}, got {got}")
 
-    @property
+    @cached_property
     def corner_position_mm(self) -> Float:
         """Positions per corner, shape (F, 3, 3)."""
         return self.positions_mm[self.faces]
 
-    @property
+    @cached_property
     def face_normal(self) -> Float:
         """Unit geometric normals, shape (F, 3); zero for a degenerate face."""
         a, b, c = np.moveaxis(self.corner_position_mm, 1, 0)
         return normalized(np.cross(b - a, c - a))
 
-    @property
+    @cached_property
     def face_area_mm2(self) -> Float:
         """Shape (F,)."""
         a, b, c = np.moveaxis(self.corner_position_mm, 1, 0)
