@@ -15,7 +15,6 @@ from rich.console import Console
 from skinbake import pipeline
 from skinbake.atlas import tiles_of
 from skinbake.bake.keys import diffuse_key, light_key, profile_key
-from skinbake.bake.machine import give_back_freed
 from skinbake.bake.workshop import Workshop
 from skinbake.diffuse import DiffuseMap
 from skinbake.errors import InputError
@@ -71,7 +70,6 @@ class LookFolder:
             whole = time.perf_counter() - start
             seconds = whole - self._inner.pop()
             self._inner[-1] += whole
-            give_back_freed()
         self.timings[stage] = self.timings.get(stage, 0.0) + seconds
         self.reused[stage] = reused
         self.workshop.hear({"event": "stage end", "stage": stage, "seconds": seconds, "reused": reused})

@@ -15,7 +15,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from skinbake.bake.machine import processors
+from skinbake.bake.machine import processors, reuse_freed
 from skinbake.errors import SkinbakeError
 
 Listen = Callable[[str, Any], None]  # job's name, event
@@ -142,6 +142,7 @@ class _Worker:
 
 def _serve(pipe: Connection) -> None:
     """A worker's life: take a job, say how it goes, give its result, until the other end closes."""
+    reuse_freed()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears of it and ends us
     threading.Thread(target=_end_with_parent, daemon=True).start()
     while True:

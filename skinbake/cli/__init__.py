@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 import skinbake
+from skinbake.bake.machine import reuse_freed
 from skinbake.cli.compiled import use_fresh_cache
 from skinbake.errors import SkinbakeError
 
@@ -62,6 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str] | None = None) -> int:
     """Run a verb and give its exit code."""
     use_fresh_cache()
+    reuse_freed()
     gc.set_threshold(50_000)  # imports make many objects that stay: looking them through ever again takes 0.1 s
     try:
         result: Any = group.main(arguments, prog_name="skinbake", standalone_mode=False)
