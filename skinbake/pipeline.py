@@ -112,14 +112,13 @@ def scatter(
     remember: Remember | None = None,
 ) -> DiffuseMap:
     """Lobes of irradiance times albedo^x, x = 1 for pre-scatter texturing, and light through thin parts."""
-    exponent = np.float32(spec.texturing.exponent_before)
-    albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     names, light = irradiance[0].lights, {tile.tile: tile.rgb for tile in irradiance}
     if spec.output.lights == "total":  # blurring is linear: what is stored summed is blurred summed
         names = ("total",)
         light = {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in light.items()}
+    coloured, mean_albedo = _coloured(light, spec, scene, atlas)
     diffused = diffuse(
-        {tile: rgb * colour**exponent for (tile, rgb), colour in zip(light.items(), albedo, strict=True)},
+        coloured,
         names,
         atlas,
         scene.mesh,
@@ -130,10 +129,7 @@ def scatter(
         progress=say,
         remember=remember,
     )
-    area = [raster.area_mm2[..., None] for raster in atlas]
-    mean = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True)) / sum(
-        map(np.sum, area)
-    )
+    del coloured
     texture, terms = spec.texture, spec.terms
     through, line = transmit(
         diffused,
@@ -142,12 +138,24 @@ def scatter(
         texture.size,
         texture.gutter,
         texture.udim,
-        mean,
+        mean_albedo,
         terms.transmission,
         spec.diffusion.tolerance,
         None if terms.transmission == "off" else scene.occluder,
     )
     return replace(diffused, lobes=diffused.lobes + ((through,) if through else ()), plan=(*diffused.plan, line))
+
+
+def _coloured(
+    light: Mapping[int, NDArray[np.floating]], spec: SceneSpec, scene: SceneData, atlas: Atlas
+) -> tuple[dict[int, NDArray[np.float32]], Float]:
+    """Light times albedo^x, by tile, and the mean albedo of the skin."""
+    exponent = np.float32(spec.texturing.exponent_before)
+    albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
+    area = [raster.area_mm2[..., None] for raster in atlas]
+    total = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True))
+    coloured = {tile: rgb * colour**exponent for (tile, rgb), colour in zip(light.items(), albedo, strict=True)}
+    return coloured, total / sum(map(np.sum, area))
 
 
 def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> NDArray[np.float32]:

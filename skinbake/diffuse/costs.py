@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skinbake.diffuse.diffuser import Diffuser
 from skinbake.diffuse.texture import level_size
+from skinbake.diffuse.workbench import Workbench
 
 # Of a texel, and of a texel of each light where they multiply
 _WRITE = 7e-8
@@ -26,51 +26,49 @@ _SCATTERED = 2.5  # lanes to a texel that is summed, where its neighbours are no
 _BESIDE = 0.02  # of the texels lie in the gutter, where a hybrid lobe sums all
 
 
-def write_cost(diffuser: Diffuser, level: int) -> float:
+def write_cost(bench: Workbench, level: int) -> float:
     """Of storing any lobe."""
-    return _WRITE * _texels(diffuser, level) * diffuser.lights
+    return _WRITE * _texels(bench, level) * bench.lights
 
 
-def risk_cost(diffuser: Diffuser) -> float:
+def risk_cost(bench: Workbench) -> float:
     """Of a second plan, times its chance, for a lobe that texture space alone makes or that is left unblurred."""
-    return _RISK * _texels(diffuser, 0) * _along(diffuser.lights)
+    return _RISK * _texels(bench, 0) * _along(bench.lights)
 
 
-def texture_cost(diffuser: Diffuser, level: int) -> float:
+def texture_cost(bench: Workbench, level: int) -> float:
     """Of a blur in the texture."""
-    return _TEXTURE * _texels(diffuser, level) * diffuser.lights
+    return _TEXTURE * _texels(bench, level) * bench.lights
 
 
-def hybrid_cost(
-    diffuser: Diffuser, variance_mm2: float, level: int, spacing: float, share: float
-) -> tuple[float, float]:
+def hybrid_cost(bench: Workbench, variance_mm2: float, level: int, spacing: float, share: float) -> tuple[float, float]:
     """Of a hybrid lobe of which a share of the texels is summed; and the spacing of its sources that costs least.
 
     A few sums over single texels are sooner done than a lobe's clusters are found.
     """
-    texels, lights = _texels(diffuser, level), diffuser.lights
+    texels, lights = _texels(bench, level), bench.lights
     summed = (share + _BESIDE) * _SCATTERED * texels * lights
     cost, spacing = min(
-        (_sources_cost(diffuser, variance_mm2, each) + summed * _sum_cost(diffuser, variance_mm2, level, each, 1), each)
+        (_sources_cost(bench, variance_mm2, each) + summed * _sum_cost(bench, variance_mm2, level, each, 1), each)
         for each in (0.0, spacing)
     )
-    return texture_cost(diffuser, level) + _PREDICT * texels * _along(lights) + cost, spacing
+    return texture_cost(bench, level) + _PREDICT * texels * _along(lights) + cost, spacing
 
 
-def surface_cost(diffuser: Diffuser, variance_mm2: float, level: int, spacing: float) -> float:
+def surface_cost(bench: Workbench, variance_mm2: float, level: int, spacing: float) -> float:
     """Of surface sums, interpolated from smaller sizes as far as that is done."""
-    cost, first = _sources_cost(diffuser, variance_mm2, spacing), level
-    while diffuser.interpolates(variance_mm2, first):
+    cost, first = _sources_cost(bench, variance_mm2, spacing), level
+    while bench.interpolates(variance_mm2, first):
         first += 1
     for finer, summed in zip(range(first, level - 1, -1), (*_SUMMED, *(_SUMMED[-1],) * first), strict=False):
-        each = summed * _sum_cost(diffuser, variance_mm2, finer, spacing, diffuser.lights)
-        cost += _texels(diffuser, finer) * (each + _INTERPOLATE * diffuser.lights)
+        each = summed * _sum_cost(bench, variance_mm2, finer, spacing, bench.lights)
+        cost += _texels(bench, finer) * (each + _INTERPOLATE * bench.lights)
     return cost
 
 
-def _texels(diffuser: Diffuser, level: int) -> int:
-    height, width = level_size(diffuser.size, level)
-    return height * width * len(diffuser.atlas)
+def _texels(bench: Workbench, level: int) -> int:
+    height, width = level_size(bench.size, level)
+    return height * width * len(bench.atlas)
 
 
 def _along(lights: int) -> float:
@@ -78,21 +76,21 @@ def _along(lights: int) -> float:
     return 1 + _FURTHER * (lights - 1)
 
 
-def _sum_cost(diffuser: Diffuser, variance_mm2: float, level: int, spacing: float, lights: int) -> float:
+def _sum_cost(bench: Workbench, variance_mm2: float, level: int, spacing: float, lights: int) -> float:
     """Of one texel."""
-    around = (diffuser.cut + 1) ** 2 * variance_mm2 + 4 * diffuser.surface.mean_texel_mm2 * 4**level
-    pairs = np.pi * around / _source_mm2(diffuser, variance_mm2, spacing)
+    around = (bench.cut + 1) ** 2 * variance_mm2 + 4 * bench.surface.mean_texel_mm2 * 4**level
+    pairs = np.pi * around / _source_mm2(bench, variance_mm2, spacing)
     return float(_SURFACE + _PAIR * pairs * _along(lights))
 
 
-def _sources_cost(diffuser: Diffuser, variance_mm2: float, spacing: float) -> float:
+def _sources_cost(bench: Workbench, variance_mm2: float, spacing: float) -> float:
     """Of a lobe's own clusters; single texels are there for the probes already."""
-    if diffuser.sums_texels("surface", variance_mm2, spacing):
+    if bench.sums_texels("surface", variance_mm2, spacing):
         return 0.0
-    skin = _texels(diffuser, 0) * diffuser.surface.mean_texel_mm2
-    return _SOURCE * skin / _source_mm2(diffuser, variance_mm2, spacing)
+    skin = _texels(bench, 0) * bench.surface.mean_texel_mm2
+    return _SOURCE * skin / _source_mm2(bench, variance_mm2, spacing)
 
 
-def _source_mm2(diffuser: Diffuser, variance_mm2: float, spacing: float) -> float:
+def _source_mm2(bench: Workbench, variance_mm2: float, spacing: float) -> float:
     """Skin of one source: clusters are between the widest and a quarter of it."""
-    return max(0.5 * spacing**2 * variance_mm2, diffuser.surface.mean_texel_mm2)
+    return max(0.5 * spacing**2 * variance_mm2, bench.surface.mean_texel_mm2)

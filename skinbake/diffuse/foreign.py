@@ -14,12 +14,13 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.clusters import MomentPyramid
+from skinbake.numerics import Float
 
 LEVEL = 3  # of the pyramid's blocks, 1 being 2 x 2 texels
 _REACH = 4.0  # mean block sides: skin further off is not looked for
 _WAY = 2.0  # straight distances
 _HALF_SIDE = 1.8  # roots of a square's spread, which is a twelfth of its area
-_PRIMES = (73856093, 19349663, 83492791)  # of the hash of a cell
+_MOST_CELLS = 1 << 20  # along an axis
 
 
 def distance_to_foreign(pyramids: Sequence[MomentPyramid]) -> list[NDArray[np.float32]]:
@@ -44,46 +45,53 @@ def distance_to_foreign(pyramids: Sequence[MomentPyramid]) -> list[NDArray[np.fl
     both = 24 * spread
     shorter = np.sqrt(np.maximum(both - np.sqrt(np.maximum(both**2 - 4 * area**2, 0)), 0) / 2)
     reach = _REACH * float(np.sqrt(area.mean())) if len(skin) else 1.0
-    cell = np.floor(block[skin, 1:4] / max(reach, 1e-9)).astype(np.int64)
+    key = _cells(block[skin, 1:4], reach)
+    order = np.argsort(key, kind="stable")
+    skin, key = skin[order], key[order]
+    cell, first = np.unique(key, return_index=True)
     found = np.full(len(block), np.inf, np.float32)
     found[skin] = _distances(
-        np.ascontiguousarray(block[skin, 1:4]), _HALF_SIDE * np.sqrt(spread), shorter, block[skin, 5:], cell,
-        1 << max(int(np.ceil(np.log2(max(len(skin), 1)))), 1),
+        block[skin, 1:4], _HALF_SIDE * np.sqrt(spread[order]), shorter[order], block[skin, 5:], cell,
+        np.append(first, len(skin)),
     )  # fmt: skip
     tiles = np.split(found, np.cumsum([len(part) for part in parts])[:-1])
     return [values.reshape(shape) for values, shape in zip(tiles, shapes, strict=True)]
 
 
-@njit(cache=True, inline="always")
-def _bucket(x, y, z, buckets):  # type: ignore[no-untyped-def]
-    return (x * _PRIMES[0] ^ y * _PRIMES[1] ^ z * _PRIMES[2]) & (buckets - 1)
+def _cells(position: Float, side: float) -> NDArray[np.int64]:
+    """Number of the cube that holds each position, (n,): z counts ones, the least of any is 1."""
+    from_corner = (position - position.min(axis=0, initial=np.inf)) / max(side, 1e-9)
+    x, y, z = np.minimum(from_corner + 1, _MOST_CELLS - 2).astype(np.int64).T
+    cells: NDArray[np.int64] = (x * _MOST_CELLS + y) * _MOST_CELLS + z
+    return cells
 
 
 @njit(cache=True, parallel=True)
-def _distances(centre, radius, side, place, cell, buckets):  # type: ignore[no-untyped-def]
-    first, following = np.full(buckets, -1), np.empty(len(centre), np.int64)
-    for k in range(len(centre)):
-        bucket = _bucket(cell[k, 0], cell[k, 1], cell[k, 2], buckets)
-        following[k], first[bucket] = first[bucket], k
+def _distances(centre, radius, side, place, cell, first):  # type: ignore[no-untyped-def]
+    """Of blocks in the order of their cells: those of `cell[c]` are `first[c]` ... `first[c + 1]`."""
     nearest = np.empty(len(centre), np.float32)
-    for k in prange(len(centre)):
-        best = np.inf
-        for neighbour in range(27):
-            x, y = cell[k, 0] + neighbour // 9 - 1, cell[k, 1] + neighbour // 3 % 3 - 1
-            z = cell[k, 2] + neighbour % 3 - 1
-            other = first[_bucket(x, y, z, buckets)]
-            while other >= 0:
-                if cell[other, 0] == x and cell[other, 1] == y and cell[other, 2] == z:
+    for c in prange(len(cell)):
+        nearest[first[c] : first[c + 1]] = np.inf
+        for column in range(9):  # of cells: z - 1, z and z + 1 lie behind one another
+            middle = cell[c] + ((column // 3 - 1) * _MOST_CELLS + column % 3 - 1) * _MOST_CELLS
+            begin = first[np.searchsorted(cell, middle - 1)]
+            end = first[np.searchsorted(cell, middle + 2)]
+            for k in range(first[c], first[c + 1]):
+                best = nearest[k]
+                for other in range(begin, end):
                     dx, dy = centre[other, 0] - centre[k, 0], centre[other, 1] - centre[k, 1]
                     dz = centre[other, 2] - centre[k, 2]
-                    straight = np.sqrt(dx * dx + dy * dy + dz * dz)
-                    gap = max(straight - radius[k] - radius[other], 0.0)
-                    if gap < best:
-                        down, across = place[other, 1] - place[k, 1], place[other, 2] - place[k, 2]
-                        # Between the blocks' nearest corners, not their middles
-                        way = (np.sqrt(down * down + across * across) - np.sqrt(2.0)) * min(side[k], side[other])
-                        if way > _WAY * straight or place[other, 0] != place[k, 0]:
+                    straight2 = dx * dx + dy * dy + dz * dz
+                    down, across = place[other, 1] - place[k, 1], place[other, 2] - place[k, 2]
+                    shorter = min(side[k], side[other])
+                    elsewhere = place[other, 0] != place[k, 0]
+                    # Most are neighbours in the texture: the way between their middles tells, without a root
+                    if elsewhere or (down * down + across * across) * shorter * shorter > _WAY * _WAY * straight2:
+                        straight = np.sqrt(straight2)
+                        gap = max(straight - radius[k] - radius[other], 0.0)
+                        # Between the blocks' nearest corners
+                        way = (np.sqrt(down * down + across * across) - np.sqrt(2.0)) * shorter
+                        if gap < best and (elsewhere or way > _WAY * straight):
                             best = gap
-                other = following[other]
-        nearest[k] = best
+                nearest[k] = best
     return nearest

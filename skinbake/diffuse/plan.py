@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinbake.diffuse.diffuse_map import PlanLine
-from skinbake.diffuse.diffuser import Diffuser
 from skinbake.diffuse.texture import widest_level
+from skinbake.diffuse.workbench import Workbench
 from skinbake.profile.gaussian_sum import GaussianSum
 
 # Bilinear reading of texels of side h is wrong by this (h / sigma)^2, rms: measured on a scan whose texels vary 7.7 x
@@ -52,37 +52,37 @@ class LobePlan:
     why: str
 
 
-def plan_lobes(diffuser: Diffuser, gaussians: GaussianSum) -> tuple[LobePlan, ...]:
+def plan_lobes(bench: Workbench, gaussians: GaussianSum) -> tuple[LobePlan, ...]:
     """The plan of a fixed method: sizes by the rule of bilinear reading, nothing measured."""
-    return tuple(fixed_plan(diffuser, diffuser.spec.method, float(v)) for v in gaussians.variance_mm2)
+    return tuple(fixed_plan(bench, bench.spec.method, float(v)) for v in gaussians.variance_mm2)
 
 
-def fixed_plan(diffuser: Diffuser, method: str, variance_mm2: float) -> LobePlan:
+def fixed_plan(bench: Workbench, method: str, variance_mm2: float) -> LobePlan:
     """One lobe by a given method, stored as small as the tolerance allows."""
-    texel_mm2 = diffuser.mm_per_texel[0] * diffuser.mm_per_texel[1]
+    texel_mm2 = bench.mm_per_texel[0] * bench.mm_per_texel[1]
     ratio = variance_mm2 / texel_mm2 if texel_mm2 > 0 else 0.0
     if ratio < IDENTITY_TEXELS2:
         return LobePlan("identity", 0, 0.0, 0.0, f"sigma is {np.sqrt(ratio):.3f} texel: nothing to blur")
-    level = storage_level(diffuser, method, variance_mm2, diffuser.spec.tolerance)
+    level = storage_level(bench, method, variance_mm2, bench.spec.tolerance)
     if method == "stretch":  # its blocks are whole texels
-        while level and (diffuser.size[0] % (1 << level) or diffuser.size[1] % (1 << level)):
+        while level and (bench.size[0] % (1 << level) or bench.size[1] % (1 << level)):
             level -= 1
-    spacing = cluster_spacing(diffuser.spec.tolerance)
+    spacing = cluster_spacing(bench.spec.tolerance)
     return LobePlan(
         method,
         level,
         spacing,
-        diffuser.spec.tolerance,
+        bench.spec.tolerance,
         f"asked for; sigma is {np.sqrt(ratio) / 2**level:.1f} stored texels",
     )
 
 
-def storage_level(diffuser: Diffuser, method: str, variance_mm2: float, tolerance: float) -> int:
+def storage_level(bench: Workbench, method: str, variance_mm2: float, tolerance: float) -> int:
     """Coarsest level whose bilinear reading costs its share of the tolerance, by the estimate above."""
-    coarsest = widest_level(diffuser.variance_texels2(variance_mm2))
+    coarsest = widest_level(bench.variance_texels2(variance_mm2))
     level = 0
     while level < coarsest:
-        h2 = diffuser.surface.mean_texel_mm2 * 4 ** (level + 1)
+        h2 = bench.surface.mean_texel_mm2 * 4 ** (level + 1)
         if BILINEAR_ERROR[method] * h2 / variance_mm2 > _STORAGE_SHARE * tolerance:
             break
         level += 1

@@ -26,7 +26,7 @@ def shares(diffuser, variance, threshold, level=0):
     raster = diffuser.level_atlas(level)[0]
     mass = np.empty(raster.shape, np.float32)
     blurred = texture_blur(diffuser.pyramids[0], diffuser.variance_texels2(variance), level, None, mass)
-    return diffuser._predictor(0, level).share_of_sums(variance, threshold, blurred, mass) / 255, mass
+    return diffuser.predictor(0, level).share_of_sums(variance, threshold, blurred, mass) / 255, mass
 
 
 def rms(diffuser, variance, *plan):
@@ -79,7 +79,7 @@ def test_a_few_texels_get_the_shares_that_the_map_has(level):
     """What a plan reads at its probes is what the map will hold."""
     diffuser, variance, threshold = diffuser_of(relief(), (200, 180), lights=2), 2.0, 0.02
     flat = np.arange(0, np.prod(diffuser.level_atlas(level)[0].shape), 37)
-    few = diffuser._predictor(0, level).shares_of_texels(
+    few = diffuser.predictor(0, level).shares_of_texels(
         variance, threshold, flat, *diffuser._blurred(0, variance, level, flat)
     )
     for light in range(2):
