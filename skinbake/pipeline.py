@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, AtlasRaster, rasterize, sample_map
 from skinbake.diffuse import DiffuseMap, diffuse
 from skinbake.diffuse.diffuse_map import PlanLine
+from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.remember import Remember
 from skinbake.diffuse.transmission import transmit
 from skinbake.irradiance import IrradianceMap, light_texels
@@ -73,6 +74,17 @@ def bake(spec: SceneSpec, scene: SceneData, profile_table: tuple[Float, Float] |
 def atlas_of(spec: SceneSpec, mesh: SkinMesh) -> Atlas:
     """Raster of the mesh at the look's texture size."""
     return rasterize(mesh, spec.texture.size, spec.texture.gutter, spec.texture.udim)
+
+
+def refuse_too_large(spec: SceneSpec, tiles: int) -> None:
+    """Stop before anything is rasterised that this machine cannot hold.
+
+    Raises
+    ------
+    MachineError
+    """
+    lights = len(spec.lights) if spec.output.lights == "separate" else 1
+    check_memory(spec.texture.size[::-1], lights, tiles, 6, spec.diffusion.method)
 
 
 def light_skin(
@@ -176,5 +188,6 @@ def energy_conservation(spec: SceneSpec) -> PlanLine:
 
 def plan_of(spec: SceneSpec, irradiance: tuple[IrradianceMap, ...], diffused: DiffuseMap) -> tuple[PlanLine, ...]:
     """Every decision of a bake, in the order of its stages."""
-    lights = tuple(line for lines in irradiance[0].plan.values() for line in lines)
+    first = irradiance[0]
+    lights = tuple(line for name in first.lights for line in first.plan.get(name, ()))
     return (energy_conservation(spec), *lights, *diffused.plan)

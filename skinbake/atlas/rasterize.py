@@ -7,6 +7,7 @@ import numpy as np
 from skinbake.atlas.border import chart_edges, reach
 from skinbake.atlas.coverage import bin_by_band, cover
 from skinbake.atlas.raster import FIRST_TILE, NO_FACE, Atlas, AtlasRaster
+from skinbake.errors import InputError
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -50,12 +51,24 @@ def signed_uv_area(mesh: SkinMesh) -> Float:
 
 
 def tiles_of(mesh: SkinMesh, udim: bool) -> tuple[int, ...]:
-    """UDIM numbers that hold the centre of at least one face, ascending; (1001,) without `udim`."""
+    """UDIM numbers that hold the centre of at least one face, ascending; (1001,) without `udim`.
+
+    Raises
+    ------
+    InputError
+        If a face lies where there is no tile.
+    """
     if not udim:
         return (FIRST_TILE,)
-    cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(np.int64)
-    if len(cell) and (cell.min() < 0 or cell[:, 0].max() > 9):
-        raise ValueError("UDIM tiles: expected u in [0, 10] and v >= 0")
+    cell = np.floor(mesh.corner_uv.mean(axis=1))
+    outside = (cell < 0).any(axis=1) | (cell[:, 0] > 9) | (cell[:, 1] > 899)
+    if outside.any():
+        u, v = mesh.corner_uv[outside].mean(axis=1)[0]
+        raise InputError(
+            f"texture.udim: expected UVs on tiles 1001 to 9999, u from 0 to 10 and v from 0 to 900, got "
+            f"{np.count_nonzero(outside)} triangle(s) elsewhere, the first at u = {u:.4g}, v = {v:.4g}"
+        )
+    cell = cell.astype(np.int64)
     return tuple(int(t) for t in np.unique(FIRST_TILE + cell[:, 0] + 10 * cell[:, 1]))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from skinbake.io.atomic import write_text
 from skinbake.io.fingerprint import sha256_of
 from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name
-from skinbake.io.manifest import portable_config, read_manifest, write_manifest
+from skinbake.io.manifest import portable_config, write_manifest
 from skinbake.irradiance import IrradianceMap
 from skinbake.preview.draw import Studio
 from skinbake.profile import GaussianSum
@@ -79,10 +78,21 @@ def bake_look(
 
 
 def put_manifest(stages: Stages, manifest: dict[str, Any]) -> None:
-    """Write bake.json; a stage that was taken as it was keeps the time that it took when it was run."""
-    with suppress(InputError):
-        before = read_manifest(stages.out)["timings"]
-        manifest["timings"] |= {stage: before[stage] for stage in manifest["reused"] if stage in before}
+    """Write bake.json. Its seconds and memory are those that it took to make what is in the folder, over several runs.
+
+    A stage that was taken as it was keeps its seconds, and `total` is those and what else this run took; where nothing
+    was left to do but reading, all seconds stay. The peak is the larger one, unless both light and lobes are new.
+    """
+    reused, seconds, earlier = manifest["reused"], manifest["timings"], stages.before.get("timings", {})
+    if set(seconds) <= {*reused, "read", "total"}:
+        manifest["timings"] = earlier or seconds
+    else:
+        kept = {stage: earlier[stage] for stage in reused if stage in earlier}
+        if "total" in seconds:  # a bake's
+            seconds["total"] += sum(kept[stage] - seconds[stage] for stage in kept)
+        seconds |= kept
+    if "irradiance" in reused or "diffuse" in reused:
+        manifest["peak_memory_mib"] = max(manifest["peak_memory_mib"], stages.before.get("peak_memory_mib", 0.0))
     named = [*manifest["irradiance"], *(name for lobe in manifest["lobes"] for name in _files(lobe))]
     paths = [stages.out / name for name in (*named, *manifest.get("tx", []))]
     manifest["bytes"] = {path.name: path.stat().st_size for path in paths if path.exists()}

@@ -40,6 +40,8 @@ class LookFolder:
     reused : dict of stage name to bool
         Whether the stage's files were taken as they were.
     timings : dict of stage name to seconds
+    before : dict
+        What bake.json held when the folder was locked; nothing where there was none, or a damaged one.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class LookFolder:
         self.cache = None if force else self.workshop.cache
         self.background = Background()
         self.timings: dict[str, float] = {}
+        self.before: dict[str, Any] = {}
         self._stamps: dict[Path, tuple[int, ...] | None] = {}
         self._inner = [0.0]  # seconds of the stages inside each one that runs
         self.reused: dict[str, bool] = {}
@@ -84,6 +87,7 @@ class LookFolder:
     def locked(self) -> Iterator[None]:
         """Hold the folder while stages run and until their files are written."""
         with folder_lock(self.out, self.say), self.background:
+            self.before = self._manifest()
             yield
 
     @cached_property
@@ -141,13 +145,16 @@ class LookFolder:
         """File of each tile."""
         return {tile: tile_path(self.out / "irradiance.exr", tile, self.spec.texture.udim) for tile in self.tiles}
 
+    def _manifest(self) -> dict[str, Any]:
+        try:
+            return read_manifest(self.out)
+        except InputError:
+            return {}
+
     @cached_property
     def recorded_bytes(self) -> dict[str, int]:
         """Size of each file by name, as the last bake left it."""
-        try:
-            return dict(read_manifest(self.out)["bytes"])
-        except (InputError, LookupError, TypeError, ValueError):
-            return {}
+        return dict(self._manifest().get("bytes", {}))
 
     def _as_left(self, path: Path) -> bool:
         """Whether a file has the size it was left with: a copy may have been cut short since."""

@@ -16,7 +16,6 @@ from skinbake.bake.keys import blur_key, profile_key, raster_key
 from skinbake.bake.look_folder import FIT_FILES, LookFolder
 from skinbake.bake.shared import atlas_entry, atlas_of_entry, light_entries, merged_lights
 from skinbake.diffuse import DiffuseMap
-from skinbake.diffuse.memory import check_memory
 from skinbake.errors import InputError
 from skinbake.io.exr import as_stored
 from skinbake.io.irradiance import read_irradiance, write_irradiance
@@ -71,9 +70,7 @@ class Stages(LookFolder):
             More memory than there is.
         """
         if self.stale_lights() is not None:
-            lights = len(self.spec.lights) if self.spec.output.lights == "separate" else 1
-            size = self.spec.texture.size
-            check_memory((size[1], size[0]), lights, len(self.tiles), 6, self.spec.diffusion.method)
+            pipeline.refuse_too_large(self.spec, len(self.tiles))
             refuse_spoilt(uv_report(self.scene.mesh, self.atlas), self.spec.mesh.path)
 
     @property

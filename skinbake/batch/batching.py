@@ -16,14 +16,15 @@ import skinbake
 from skinbake.batch.crew import Crew
 from skinbake.batch.job import Order, bake_job
 from skinbake.batch.progress import BatchProgress
-from skinbake.errors import SkinbakeError
+from skinbake.errors import InputError, SkinbakeError
 from skinbake.io.atomic import write_text
 from skinbake.io.batch_file import Batch, BatchJob
+from skinbake.io.batch_report import NAME, read_batch_report
 from skinbake.io.contact_sheet import Cell, write_contact_sheet
 from skinbake.io.fingerprint import code_key
 from skinbake.io.lock import file_lock
 
-NAME, SHEET = "batch.json", "batch.png"
+SHEET = "batch.png"
 GOOD = ("done", "fresh")
 
 
@@ -94,9 +95,8 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
 def _entries(plan: Plan, results: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
     """One entry a job of the file; a job that was not selected keeps its last one."""
     before: dict[str, Any] = {}
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        last = json.loads((plan.batch.folder / NAME).read_text(encoding="utf-8"))
-        before = {entry["name"]: entry for entry in last["jobs"]}
+    with suppress(InputError):
+        before = {entry["name"]: entry for entry in read_batch_report(plan.batch.folder)["jobs"]}
     entries = []
     for job in plan.batch.jobs:
         named = {"name": job.name, "folder": job.name, "choices": dict(job.choices), "selected": job.name in results}
@@ -129,7 +129,7 @@ def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
     console.print(text, markup=False, soft_wrap=True)
     for entry in bad:
         for line in str(entry.get("error") or entry["status"]).splitlines():
-            console.print(f"  {entry['name']}: {line}", markup=False, soft_wrap=True)
+            print(f"  {entry['name']}: {line}", file=console.file)  # a quiet console would keep it to itself
 
 
 def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:

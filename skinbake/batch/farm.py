@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from skinbake.batch.crew import Listen, Work, fewer_threads
-from skinbake.errors import MachineError, SkinbakeError
+from skinbake.errors import InputError, MachineError, SkinbakeError
 
 LOCAL = "local"
 CONNECT_S = 15
@@ -42,6 +42,8 @@ def run_on_dask(
 
     Raises
     ------
+    InputError
+        The address is not one.
     MachineError
         The extra `farm` is not installed, or no scheduler answers.
     """
@@ -96,6 +98,7 @@ def _on_worker(work: Work, payload: Any, name: str, topic: str) -> dict[str, Any
 def _client(address: str, workers: int) -> Iterator[Any]:
     try:
         import distributed
+        from distributed.comm import get_address_host_port
     except ImportError as error:
         raise MachineError("--dask: dask.distributed is not installed; pip install 'skinbake[farm]'") from error
     logging.getLogger("distributed").setLevel(logging.ERROR)
@@ -109,9 +112,14 @@ def _client(address: str, workers: int) -> Iterator[Any]:
             except (OSError, TimeoutError, RuntimeError) as error:
                 raise MachineError(f"--dask local: its {workers} processes did not start: {error}; use -j") from error
             address = stack.enter_context(cluster).scheduler_address
+        else:
+            try:
+                get_address_host_port(address)
+            except ValueError as error:
+                raise InputError(f"--dask {address}: expected HOST:PORT or {LOCAL}, got: {error}") from error
         try:
             client = distributed.Client(address, timeout=CONNECT_S)
-        except (OSError, TimeoutError, ValueError) as error:
+        except Exception as error:  # dask takes what another protocol says for lengths: MemoryError, struct.error, ...
             raise MachineError(
                 f"--dask {address}: no scheduler answers there; `dask scheduler` starts one, `dask worker {address}` "
                 f"gives it workers ({type(error).__name__})"

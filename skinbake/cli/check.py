@@ -50,13 +50,15 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
 
 def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvReport]:
     """The report as a mapping, a picture for each tile, and what the report says of the UVs."""
+    from skinbake.atlas import tiles_of
     from skinbake.atlas.report import report_picture, uv_report
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
-    from skinbake.pipeline import atlas_of
+    from skinbake.pipeline import atlas_of, refuse_too_large
     from skinbake.profile import fit_skin
 
     scene = read_scene(spec, rays=False)
+    refuse_too_large(spec, len(tiles_of(scene.mesh, spec.texture.udim)))
     atlas = atlas_of(spec, scene.mesh)
     uv = uv_report(scene.mesh, atlas)
     path = getattr(spec.skin, "path", None)

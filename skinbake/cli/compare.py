@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinbake.cli.options import json_option
+from skinbake.cli.options import Within, json_option
+
+if TYPE_CHECKING:
+    from skinbake.compare import Difference
+
+limit = Within(min=0)
 
 
 @click.command("compare")
 @click.argument("image", type=click.Path())
 @click.argument("reference", type=click.Path())
-@click.option("--absolute", default=1e-6, show_default=True, help="Limit of a value, absolute part.")
-@click.option("--relative", default=1e-3, show_default=True, help="Limit of a value, part of the reference.")
-@click.option("--allowed", default=0.0, show_default=True, help="Share of the values that may pass their limit.")
-@click.option("--worst", default=1.0, show_default=True, help="No value may pass this many times its limit.")
+@click.option("--absolute", type=limit, default=1e-6, show_default=True, help="Limit of a value, absolute part.")
+@click.option(
+    "--relative", type=limit, default=1e-3, show_default=True, help="Limit of a value, part of the reference."
+)
+@click.option(
+    "--allowed", type=limit, default=0.0, show_default=True, help="Share of the values that may pass their limit."
+)
+@click.option(
+    "--worst", type=limit, default=1.0, show_default=True, help="No value may pass this many times its limit."
+)
 @click.option("--picture", type=click.Path(dir_okay=False), help="Write the difference in false colours to this PNG.")
 @json_option
 def command(
@@ -37,6 +49,7 @@ def command(
     Exit codes: 0 same, 1 differs, 2 could not compare.
     """
     from skinbake.compare import Tolerance, compare
+    from skinbake.errors import InputError
     from skinbake.io.pictures import false_colour_sheet, images_of
 
     tolerance = Tolerance(absolute, relative, allowed, worst)
@@ -45,18 +58,26 @@ def command(
         _of_two_bakes(Path(image), Path(reference), ours, theirs)
     found = {name: compare(ours[name], theirs[name], tolerance) for name in ours if name in theirs}
     missing = sorted(set(ours) ^ set(theirs))
+    pairs = {n: (ours[n], theirs[n]) for n in found if ours[n].shape == theirs[n].shape}
     if as_json:
-        print(json.dumps({"images": {n: asdict(d) for n, d in found.items()}, "missing": missing}, indent=1))
-    else:
+        print(json.dumps({"images": {n: _figures(d) for n, d in found.items()}, "missing": missing}, indent=1))
+    if not pairs:
+        got = next(iter(found.values())).why if found else "none of one name"
+        raise InputError(f"{image} and {reference}: expected images of one name and shape, got {got}")
+    if not as_json:
         for name, d in found.items():
             print(f"{name:<40} rms {d.rms:.3e}  max {d.max_absolute:.3e} ({d.max_relative:.3%})  {d.why}")
         for name in missing:
             print(f"{name:<40} only in {image if name in ours else reference}")
     if picture:
-        false_colour_sheet(
-            Path(picture), {n: (ours[n], theirs[n]) for n, d in found.items() if ours[n].shape == theirs[n].shape}
-        )
-    return 0 if found and not missing and all(d.same for d in found.values()) else 1
+        false_colour_sheet(Path(picture), pairs)
+    return 0 if not missing and all(d.same for d in found.values()) else 1
+
+
+def _figures(difference: Difference) -> dict[str, Any]:
+    """For JSON, which has no NaN and no infinity: null."""
+    figures = asdict(difference)
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in figures.items()}
 
 
 def _of_two_bakes(image: Path, reference: Path, ours: dict[str, Any], theirs: dict[str, Any]) -> None:

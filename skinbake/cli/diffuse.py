@@ -19,8 +19,9 @@ def command(
 ) -> None:
     """Blur IRRADIANCE (ours, or any EXR with R, G, B) as CONFIG says; write lobe_*.exr and bake.json.
 
-    With UDIM tiles, IRRADIANCE is the name without the tile's number: irradiance.exr for irradiance.1001.exr and so on.
+    With UDIM tiles, IRRADIANCE is the name of any one of them, irradiance.1001.exr, or without number, irradiance.exr.
     """
+    import re
     from pathlib import Path
 
     from skinbake.bake.baking import manifest_of, put_manifest, report
@@ -33,7 +34,8 @@ def command(
 
     spec = load_look(config, overrides, out)
     stages = Stages(spec, force, verbosity)
-    paths = {tile: tile_path(Path(irradiance), tile, spec.texture.udim) for tile in stages.tiles}
+    name = re.sub(r"\.[1-9]\d{3}(?=\.\w+$)", "", irradiance) if spec.texture.udim else irradiance
+    paths = {tile: tile_path(Path(name), tile, spec.texture.udim) for tile in stages.tiles}
     maps = tuple(read_irradiance(path, tile, spec.texture.size) for tile, path in paths.items())
     with stages.locked():
         gaussians = stages.profile()

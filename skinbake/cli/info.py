@@ -20,13 +20,14 @@ if TYPE_CHECKING:
 @json_option
 def command(path: str, as_rule: bool, as_json: bool) -> None:
     """Show version, inputs, lobes, error and plan of a bake folder, the looks of a batch, or the header of one file."""
+    from skinbake.io import batch_report
     from skinbake.io.exr import read_attributes
     from skinbake.io.manifest import NAME, read_manifest, spec_of
 
     file = Path(path)
     folder = file.parent if file.name == NAME else file
-    if (folder / "batch.json").is_file() and not (folder / NAME).is_file():
-        batch = json.loads((folder / "batch.json").read_text(encoding="utf-8"))
+    if (folder / batch_report.NAME).is_file() and not (folder / NAME).is_file():
+        batch = batch_report.read_batch_report(folder)
         print(json.dumps(batch, indent=1) if as_json else "\n".join(_batch(batch)))
         return
     if not folder.is_dir():
@@ -80,9 +81,10 @@ def _bake(manifest: dict[str, Any], inputs: dict[str, dict[str, str]]) -> list[s
             f"{error['probes']} probes (method {error['method']:.3%}, storage {error['storage']:.3%}, "
             f"fit {', '.join(f'{e:.2%}' for e in error['fit'])})"
         )
-    times = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in manifest["timings"].items())
-    lines.append(f"seconds  {times}")
-    lines.append(f"memory   {manifest['peak_memory_mib']:.0f} MiB at most")
+    if manifest["timings"]:
+        lines.append("seconds  " + ", ".join(f"{stage} {s:.2f}" for stage, s in manifest["timings"].items()))
+    if manifest["peak_memory_mib"]:
+        lines.append(f"memory   {manifest['peak_memory_mib']:.0f} MiB at most")
     return lines
 
 

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import click
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class Within(click.FloatRange):
+    """A finite number of a range: `click.FloatRange` lets NaN pass, and infinity where the range is open."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number; fails as a bad option does."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"expected a finite number {self._describe_range()}, got {value}", param, ctx)
+        return number
+
 
 config_argument = click.argument("config", type=click.Path(dir_okay=False))
 set_option = click.option(

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from skinbake.cli.options import quiet_option
+from skinbake.cli.options import Within, quiet_option
 from skinbake.errors import InputError
 
 
@@ -28,7 +28,7 @@ from skinbake.errors import InputError
     "--mode", default="full", show_default=True, help="full, diffuse, specular, none (no scattering), lobe:I."
 )
 @click.option("--lights", metavar="NAME=GAIN,...", help="Gain of each light: key=1.5,rim=0.5 or key=1/0.9/0.8.")
-@click.option("--exposure", type=float, metavar="STOPS", help="Brightness of the PNGs.")
+@click.option("--exposure", type=Within(-100, 100), metavar="STOPS", help="Brightness of the PNGs.")
 @click.option("--supersample", type=click.IntRange(1, 8), default=2, show_default=True, help="N x N points a pixel.")
 @quiet_option
 def command(

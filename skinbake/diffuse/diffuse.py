@@ -130,7 +130,7 @@ def diffuse(
         error=error,
         plan=tuple(lines),
         tolerance_met=met,
-        advice="" if met or error is None else _advice(spec, error),
+        advice="" if met or error is None else _advice(spec, error, precision),
     )
 
 
@@ -243,10 +243,11 @@ def _area_sums(rgb, flat, area, blocks):  # type: ignore[no-untyped-def]
                     blocks[block, c] += np.float64(area[i]) * rgb[light, flat[i], c]
 
 
-def _advice(spec: DiffusionSpec, error: MeasuredError) -> str:
-    head = f"measured rms {error.rms:.2%} is above diffusion.tolerance {spec.tolerance:.2%}: "
+def _advice(spec: DiffusionSpec, error: MeasuredError, precision: str) -> str:
+    head = f"measured rms {100 * error.rms:.3g}% is above diffusion.tolerance {100 * spec.tolerance:.3g}%: "
     if error.storage > error.method:
-        return head + "storage is the larger part; raise texture.size, or set output.precision to float"
+        rounding = ", or set output.precision to float" if precision == "half" else ""
+        return f"{head}storage is the larger part; raise texture.size{rounding}"
     if spec.method in ("texture", "stretch"):
         return head + "the method is the larger part; set diffusion.method to auto or surface"
     return head + "the method is the larger part; raise texture.size, or the tolerance"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, read_parts
+from skinbake.io.exr import Part, channel_of, read_parts
 from skinbake.io.half import as_half
 from skinbake.io.image import read_maps
 from skinbake.io.irradiance import LIGHT, TOTAL
@@ -56,16 +56,16 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
         )
     manifest = read_manifest(folder)
     spec = spec_of(manifest, folder)
-    names = tuple(manifest.get("lights", [light.name for light in spec.lights]))
+    names = tuple(manifest["lights"] or [light.name for light in spec.lights])
     if names != tuple(light.name for light in spec.lights):
         raise InputError(f"{folder / NAME}: expected lights {[light.name for light in spec.lights]}, got {list(names)}")
     separate = spec.output.lights == "separate" and not summed
 
     irradiance, visibility = {}, {}
-    for tile, file in _tiled(manifest.get("irradiance", ["irradiance.exr"]), spec):
+    for tile, file in _tiled(manifest["irradiance"], spec):
         parts = read_parts(folder / file)
         irradiance[tile] = _layers(folder / file, parts, [LIGHT + name for name in names])
-        visibility[tile] = np.stack([_channel(folder / file, parts, LIGHT + name, "visibility") for name in names])
+        visibility[tile] = np.stack([channel_of(folder / file, parts, LIGHT + name, "visibility") for name in names])
 
     mesh = read_mesh(
         spec.mesh.path,
@@ -85,7 +85,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
             half_maps(read_maps(spec.maps, tuple(irradiance))),
             spec.texturing,
             spec.specular,
-            bool(manifest.get("terms", {}).get("energy_conservation", False)),
+            bool(manifest["terms"].get("energy_conservation", False)),
             separate,
         )
     except ValueError as error:
@@ -99,7 +99,7 @@ def _lobe(folder: Path, entry: dict[str, Any], spec: SceneSpec, names: tuple[str
     rgb = {
         tile: _layers(folder / file, read_parts(folder / file, wanted), wanted) for tile, file in _tiled(files, spec)
     }
-    variance = None if entry.get("method") == "transmission" else float(entry["variance_mm2"])
+    variance = None if entry["method"] == "transmission" else float(entry["variance_mm2"])
     r, g, b = (float(weight) for weight in entry["weight_rgb"])
     return PreviewLobe(rgb, (r, g, b), variance)
 
@@ -116,14 +116,8 @@ def _tiled(files: list[str], spec: SceneSpec) -> list[tuple[int, str]]:
 
 def _layers(path: Path, parts: dict[str, Part], wanted: list[str]) -> NDArray[np.floating]:
     """Parts as (L, h, w, 3)."""
-    layers = [[_channel(path, parts, part, c) for c in "RGB"] for part in wanted]
+    layers = [[channel_of(path, parts, part, c) for c in "RGB"] for part in wanted]
     return np.stack([np.stack(channels, axis=-1) for channels in layers])
-
-
-def _channel(path: Path, parts: dict[str, Part], part: str, channel: str) -> NDArray[np.floating]:
-    if part not in parts or channel not in parts[part].channels:
-        raise InputError(f"{path}: expected part {part} with channel {channel}, found none; bake it again")
-    return parts[part].channels[channel]
 
 
 def half_maps(maps: SkinMaps) -> SkinMaps:

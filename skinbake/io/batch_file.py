@@ -11,7 +11,7 @@ from typing import Any
 from skinbake.errors import ConfigError, InputError
 from skinbake.io.config import apply_overrides, merge_preset, parse_look, put, resolve_paths
 from skinbake.io.merge import lay_over, part_of
-from skinbake.io.yaml_lines import Located, dotted, read_yaml
+from skinbake.io.yaml_lines import Located, read_yaml
 from skinbake.scene.batch import BatchSpec, PlannedJob, expand
 from skinbake.scene.parse import parse
 from skinbake.scene.spec import SceneSpec
@@ -55,8 +55,10 @@ def load_batch(
     """
     path = Path(path)
     located = read_yaml(path)
+    if "mesh" in located.value and not set(BatchSpec.model_fields) & set(located.value):
+        raise ConfigError([located.say((), "expected defaults, jobs or a matrix, this is a look: use `skinbake bake`")])
     _name_with_text(located.value)
-    spec = parse(BatchSpec, located.value, lambda key, sentence: _say(located, key, sentence))
+    spec = parse(BatchSpec, located.value, located.say)
     folder = Path(out).absolute() if out is not None else None
     plans = expand(spec)
     for pattern in only:
@@ -141,10 +143,6 @@ def _name_with_text(value: dict[str, Any]) -> None:
     for axis, options in matrix.items():
         if isinstance(options, dict):
             matrix[axis] = {str(option): override for option, override in options.items()}
-
-
-def _say(located: Located, key: tuple[str | int, ...], sentence: str) -> str:
-    return f"{located.place(key)}: {dotted(key)}: {sentence}" if key else f"{located.place(key)}: {sentence}"
 
 
 def _in_jobs(names: list[str]) -> str:

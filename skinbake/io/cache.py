@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import time
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -169,8 +169,3 @@ def cache_folder(default: Path) -> Path:
     """The environment's SKINBAKE_CACHE, else `default`."""
     chosen = os.environ.get(FOLDER)
     return Path(chosen).expanduser().absolute() if chosen else default
-
-
-def used_bytes(folders: Iterable[Path]) -> int:
-    """Size of all entries."""
-    return sum(path.stat().st_size for folder in folders for path in folder.rglob("*.npz"))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from skinbake.errors import ConfigError, InputError
+from skinbake.io.fingerprint import files_named
 from skinbake.io.yaml_lines import Key, Located, dotted, parse_value, read_yaml
-from skinbake.scene.parse import parse
+from skinbake.scene.batch import BatchSpec
+from skinbake.scene.parse import parse, unknown_keys
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import SceneSpec
 
@@ -18,11 +20,18 @@ _PATH_KEYS = re.compile(r"mesh\.path|maps\.\w+(\.path)?|lights\[\d+\]\.path|skin
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}")
 
 
-def load_look(path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None) -> SceneSpec:
+def load_look(
+    path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None, files: bool = True
+) -> SceneSpec:
     """Read a look, apply `--set` overrides (`dotted.key=value`) and `--out`, and check it.
 
     Paths in the file are relative to the file; paths in overrides to the working folder. `${NAME}` and
     `${NAME:-default}` in a path are environment variables.
+
+    Parameters
+    ----------
+    files : bool
+        Refuse a look whose mesh, maps, sky or table is missing: here the line and the key are known.
 
     Raises
     ------
@@ -32,34 +41,67 @@ def load_look(path: Path | str, overrides: Sequence[str] = (), out: Path | str |
     located = _prepared(path, overrides)
     if out is not None:
         put(located, "output.dir", str(Path(out).absolute()), "--out")
-    return parse_look(located)
+    look = parse_look(located)
+    if files:
+        _refuse_missing(located)
+    return look
 
 
 def load_skin(path: Path | str, overrides: Sequence[str] = ()) -> SkinSpec:
-    """Read the `skin:` part of a look, or a file that holds nothing but a skin."""
+    """Read the `skin:` part of a look, or a file that holds nothing but a skin.
+
+    The rest of a look may be unfinished, but a key that no look has is refused: it might be a slip for `skin`. Keys of
+    overrides may begin with `skin.` or not where the file is only a skin.
+
+    Raises
+    ------
+    InputError, ConfigError
+        With a line for each fault.
+    """
     located = _prepared(path, overrides, whole=False)
-    return _parse(SkinSpec, Located(located.value.get("skin"), located.places), ("skin",))
+    faults = unknown_keys(SceneSpec, located.value, located.say)
+    try:
+        skin: SkinSpec = parse(SkinSpec, located.value.get("skin"), lambda key, text: located.say(("skin", *key), text))
+    except ConfigError as error:
+        raise ConfigError(list(dict.fromkeys((*faults, *error.faults)))) from error
+    if faults:
+        raise ConfigError(faults)
+    _refuse_missing(Located({"skin": located.value["skin"]}, located.places))
+    return skin
 
 
 def parse_look(located: Located) -> SceneSpec:
     """Check a mapping whose paths are already resolved."""
-    return _parse(SceneSpec, located, ())
+    return parse(SceneSpec, located.value, located.say)
 
 
-def _parse(kind: Any, located: Located, at: Key) -> Any:
-    def say(key: Key, sentence: str) -> str:
-        key = (*at, *key)
-        return f"{located.place(key)}: {dotted(key)}: {sentence}" if key else f"{located.place(key)}: {sentence}"
+def _refuse_missing(located: Located) -> None:
+    """Name the line and the key of each input that is not there; what else may be wrong with one is its reader's."""
+    faults = [
+        located.say(key, f"expected a file, there is none at {path}")
+        for key, path in _inputs(located.value)
+        if not any(os.path.exists(file) for file in files_named(path))
+    ]
+    if faults:
+        raise ConfigError(faults)
 
-    if not isinstance(located.value, dict):
-        raise ConfigError([say((), f"expected a mapping, got {located.value!r}")])
-    return parse(kind, located.value, say)
+
+def _inputs(value: Any, key: Key = ()) -> Iterator[tuple[Key, str]]:
+    """Keys and paths of the files that a checked look reads."""
+    if isinstance(value, str) and _PATH_KEYS.fullmatch(dotted(key)) and key[0] != "output":
+        yield key, value
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for part, inner in items:
+        yield from _inputs(inner, (*key, part))
 
 
 def _prepared(path: Path | str, overrides: Sequence[str], whole: bool = True) -> Located:
     located = read_yaml(path)
+    if "mesh" not in located.value and set(BatchSpec.model_fields) & set(located.value):
+        raise ConfigError([located.say((), "expected a look, this is a batch file: use `skinbake batch`")])
     if not whole and "skin" not in located.value and "mesh" not in located.value:
         located = Located({"skin": located.value}, {("skin", *key): place for key, place in located.places.items()})
+        overrides = [text if re.match(r"\s*skin\s*[.=]", text) else f"skin.{text.lstrip()}" for text in overrides]
     resolve_paths(located, Path(path).absolute().parent)
     apply_overrides(located, overrides)
     merge_preset(located, Path(path).absolute().parent)
@@ -86,9 +128,11 @@ def put(located: Located, name: str, value: Any, place: str) -> None:
     Raises
     ------
     ConfigError
-        There is no such item.
+        There is no such item, or a part of the key is empty.
     """
     parts = [part for part in re.split(r"[.\[\]]+", name) if part]
+    if not parts or not all(part.strip() for part in name.split(".")):
+        raise ConfigError([f"{place}: expected a key such as texture.size, got {name!r}"])
     target, key = located.value, tuple[str | int, ...]()
     for i, part in enumerate(parts):
         index: str | int = part
@@ -118,6 +162,7 @@ def put(located: Located, name: str, value: Any, place: str) -> None:
             if isinstance(target, dict) and not isinstance(target.get(index), dict | list):
                 kept = target.get(index)
                 target[index] = {"path": kept} if isinstance(kept, str) else {}
+                located.places.setdefault(key, place)
             target = target[index]
 
 

@@ -169,6 +169,19 @@ def read_parts(path: Path | str, names: Collection[str] | None = None) -> dict[s
     return parts
 
 
+def channel_of(path: Path, parts: Mapping[str, Part], part: str, channel: str) -> NDArray[np.floating]:
+    """One channel of what `read_parts` gave, (h, w).
+
+    Raises
+    ------
+    InputError
+        It is not there.
+    """
+    if part not in parts or channel not in parts[part].channels:
+        raise InputError(f"{path}: expected part {part} with channel {channel}, found none; bake it again")
+    return parts[part].channels[channel]
+
+
 def read_attributes(path: Path | str) -> dict[str, dict[str, Any]]:
     """Header attributes of every part by name, without the pixels.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,8 +25,9 @@ def sha256_of(path: Path | str) -> str:
     try:
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: expected a file that can be read, got: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # ValueError: a NUL byte, from a damaged manifest
+        got = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{path}: expected a file that can be read, got: {got}") from error
 
 
 def key_of(*parts: Any) -> str:
@@ -62,17 +62,19 @@ def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
     for light in spec.lights:
         roles[f"light.{light.name}"] = getattr(light, "path", None)
     roles["skin"] = getattr(spec.skin, "path", None)
-    return {role: tuple(_tiles(path)) for role, path in roles.items() if path is not None}
+    found = {role: tuple(files_named(path)) for role, path in roles.items() if path is not None}
+    for role, files in found.items():
+        if not files:
+            raise InputError(f"{roles[role]}: expected a file for at least one UDIM tile, found none")
+    return found
 
 
-def _tiles(path: str) -> Iterable[Path]:
+def files_named(path: str) -> list[Path]:
+    """The file of a path, there or not; of one with `<UDIM>`, the tiles' files that are there."""
     if "<UDIM>" not in path:
         return [Path(path)]
     pattern = Path(path)
-    found = sorted(pattern.parent.glob(pattern.name.replace("<UDIM>", "[0-9][0-9][0-9][0-9]")))
-    if not found:
-        raise InputError(f"{path}: expected a file for at least one UDIM tile, found none")
-    return found
+    return sorted(pattern.parent.glob(pattern.name.replace("<UDIM>", "[0-9][0-9][0-9][0-9]")))
 
 
 def digest_of(paths: tuple[Path, ...]) -> str:

@@ -6,37 +6,65 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
-from skinbake.errors import InputError
 from skinbake.io.atomic import write_text
+from skinbake.io.record import Record, read_record
 from skinbake.scene.parse import parse
 from skinbake.scene.spec import SceneSpec
 
 NAME = "bake.json"
 
 
-class _Entry(BaseModel):
-    """One lobe, as far as readers of a folder need it; other keys are free."""
+class _Entry(Record):
+    """One lobe."""
 
-    model_config = ConfigDict(allow_inf_nan=False)
     file: str
-    tiles: dict[str, str] = {}
-    weight_rgb: tuple[float, float, float]
+    tiles: dict[str, str] = Field({})
+    weight_rgb: Annotated[list[float], Field(min_length=3, max_length=3)]
     variance_mm2: float
-    method: str = ""
+    size: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=2, max_length=2)]
+    method: str
 
 
-class _Manifest(BaseModel):
-    """What readers of a folder rely on; other keys are free."""
+class _Error(Record):
+    """What was measured; there is no relative error of no light."""
 
+    model_config = ConfigDict(allow_inf_nan=True)
+    rms: float
+    p95: float
+    max: float
+    probes: int
+    method: float
+    storage: float
+    fit: list[float]
+
+
+class _PlanLine(Record):
+    """A `PlanLine`."""
+
+    term: str
+    kept: bool
+    why: str
+
+
+class _Manifest(Record):
+    """What readers of a folder rely on. Only what the textures cannot be used without must be there."""
+
+    version: str = "?"
     config: dict[str, Any]
-    lobes: list[_Entry]
-    lights: list[str] = []
+    inputs: dict[str, str] = Field({})
     irradiance: list[str] = Field(["irradiance.exr"], min_length=1)
-    terms: dict[str, Any] = {}
+    lobes: list[_Entry] = Field(min_length=1)
+    lights: list[str] = Field([])
+    terms: dict[str, Any] = Field({})
+    timings: dict[str, float] = Field({})
+    peak_memory_mib: float = 0.0
+    error: _Error | None = None
+    plan: list[_PlanLine] = Field([])
+    bytes: dict[str, int] = Field({})
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -52,17 +80,7 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
     InputError
         The folder has none, or it is not ours.
     """
-    path = Path(folder) / NAME
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: expected a bake folder with {NAME} in it, got: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: expected JSON, got: {error}") from error
-    if not isinstance(manifest, dict):
-        raise InputError(f"{path}: expected a manifest with config and lobes")
-    parse(_Manifest, manifest, lambda key, sentence: f"{path}: {'.'.join(map(str, key))}: {sentence}")
-    return manifest
+    return read_record(Path(folder) / NAME, _Manifest, f"a bake folder with {NAME} in it")
 
 
 def portable_config(spec: SceneSpec, folder: Path) -> dict[str, Any]:

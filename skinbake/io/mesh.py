@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write
+from skinbake.io.obj_indices import may_hold_zero, refuse_bad_indices
 from skinbake.numerics import Float, normalized
 from skinbake.scene.mesh import SkinMesh, smooth_vertex_normals
 from skinbake.scene.spec import MM_PER_UNIT
@@ -119,17 +120,25 @@ def _geometries(path: Path) -> list[tuple[Any, Float]]:
         raise InputError(f"{path}: no such file")
     if path.is_dir() or path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: expected a mesh file ({', '.join(SUFFIXES)})")
+    obj = b""
     try:
+        if path.suffix.lower() == ".obj":
+            obj = path.read_bytes()
+            if may_hold_zero(obj):
+                refuse_bad_indices(path, obj)
         # process=False: trimesh would merge vertices. Never maintain_order: it gives both sides of a UV seam one UV
         options: dict[str, Any] = {"process": False, "group_material": False}
-        if path.suffix.lower() == ".obj":
+        if obj:
             options["skip_materials"] = True  # for glTF this would drop the UVs as well
         with warnings.catch_warnings():  # numpy's, about arithmetic inside trimesh; what it reads is checked below
             warnings.simplefilter("ignore")
             scene = trimesh.load_scene(path, **options)
+    except InputError:
+        raise
     except PermissionError:
         raise InputError(f"{path}: permission to read it is missing") from None
     except Exception as error:  # trimesh raises whatever its parsers meet
+        refuse_bad_indices(path, obj)
         raise InputError(
             f"{path}: not a mesh that can be read ({type(error).__name__}: {_first_line(error)})"
         ) from None
@@ -138,7 +147,20 @@ def _geometries(path: Path) -> list[tuple[Any, Float]]:
         transform, name = scene.graph[node]
         if isinstance(scene.geometry[name], trimesh.Trimesh):
             found.append((scene.geometry[name], np.asarray(transform, dtype=np.float64)))
+    # trimesh leaves out all UVs, or all normals, where a face names one that is not there
+    lost_uvs = b"\nvt" in obj and any(_uv(part) is None for part, _ in found)
+    if lost_uvs or (b"\nvn" in obj and any(_normals(part) is None for part, _ in found)):
+        refuse_bad_indices(path, obj)
     return found
+
+
+def _uv(geometry: Any) -> Any:
+    return getattr(geometry.visual, "uv", None)
+
+
+def _normals(geometry: Any) -> Any:
+    """Normals of the file; those of trimesh's property are split ones, invented where it has none."""
+    return geometry._cache.cache.get("vertex_normals")
 
 
 def _part(path: Path, geometry: Any, transform: Float) -> tuple[Float, NDArray[np.int32], Float | None, Float | None]:
@@ -155,9 +177,7 @@ def _part(path: Path, geometry: Any, transform: Float) -> tuple[Float, NDArray[n
     if not (np.isfinite(size) and size < LARGEST and np.abs(np.linalg.det(linear)) > 0):
         raise InputError(f"{path}: expected a transform that can be undone, got {linear.tolist()}")
     positions = positions @ linear.T + transform[:3, 3]
-    uv = getattr(geometry.visual, "uv", None)
-    # trimesh keeps normals read from the file in its cache; its property would invent split ones where there are none
-    normals = geometry._cache.cache.get("vertex_normals")
+    uv, normals = _uv(geometry), _normals(geometry)
     if normals is not None:
         normals = np.asarray(normals, dtype=np.float64)
         if normals.shape == positions.shape:  # what is no direction is left out, and made from the triangles

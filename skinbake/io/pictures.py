@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skinbake.compare import read_at
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write
-from skinbake.io.exr import read_parts
+from skinbake.io.exr import channel_of, read_parts
 from skinbake.io.image import read_map
 
 Image = NDArray[np.floating]
@@ -47,7 +47,10 @@ def diffuse_of(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Image]:
     for lobe in manifest["lobes"]:
         weight = np.asarray(lobe["weight_rgb"], np.float32)
         for tile, file in lobe.get("tiles", {"": lobe["file"]}).items():
-            part = weight * read_at(read_parts(folder / file)["irradiance"].rgb, height, width)
+            parts = read_parts(folder / file)
+            channels = [channel_of(folder / file, parts, "irradiance", c) for c in "RGB"]
+            rgb = np.stack(channels, axis=-1, dtype=np.float32)
+            part = weight * read_at(rgb, height, width)
             sums[tile] = sums[tile] + part if tile in sums else part
     return sums
 

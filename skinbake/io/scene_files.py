@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 
 from skinbake.atlas import tiles_of
+from skinbake.errors import InputError
 from skinbake.io.image import read_environments, read_maps
 from skinbake.io.mesh import read_mesh
 from skinbake.irradiance.occluder import Occluder
@@ -35,8 +36,12 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
             unwrap=spec.texture.unwrap,
             any_size=spec.mesh.any_size,
         )
+        try:
+            tiles = tiles_of(mesh, spec.texture.udim)
+        except InputError as error:
+            raise InputError(f"{spec.mesh.path}: {error}") from error
         builder = ThreadPoolExecutor(1)
         building = builder.submit(Occluder, mesh) if rays else None
         builder.shutdown(wait=False)
-        of_tiles = maps.result() if maps else read_maps(spec.maps, tiles_of(mesh, spec.texture.udim))
+        of_tiles = maps.result() if maps else read_maps(spec.maps, tiles)
         return SceneData(mesh, of_tiles, environments.result(), building)

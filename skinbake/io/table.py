@@ -51,4 +51,25 @@ def read_profile_csv(path: Path | str) -> tuple[Float, Float]:
     if len(rows) < 2:
         raise InputError(f"{path}: expected at least two rows, got {len(rows)}")
     table = np.array(rows)
+    _refuse_negative_totals(path, table, [number for number, _ in lines[1:]])
     return table[:, 0], table[:, 1:]
+
+
+def _refuse_negative_totals(path: Path | str, table: Float, numbers: list[int]) -> None:
+    """A model's profile may dip below 0 somewhere, but no skin reflects less than nothing."""
+    if (table >= 0).all():
+        return
+    from skinbake.profile.table import TableProfile
+
+    with np.errstate(all="ignore"):
+        try:
+            total = TableProfile(table[:, 0], table[:, 1:]).total_reflectance
+        except ValueError as error:
+            raise InputError(f"{path}: expected values that can be interpolated, got: {error}") from error
+    channel = int(np.argmin(total))
+    if total[channel] < 0:
+        lowest = int(np.argmin(table[:, 1 + channel]))
+        raise InputError(
+            f"{path}:{numbers[lowest]}: {COLUMNS[1 + channel]}: expected a profile whose total is not negative, "
+            f"got {total[channel]:.3g}; its lowest value, {table[lowest, 1 + channel]:g}, stands in this line"
+        )

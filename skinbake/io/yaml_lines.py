@@ -29,6 +29,10 @@ class Located:
             key = key[:-1]
         return self.places.get(key, "?")
 
+    def say(self, key: Key, sentence: str) -> str:
+        """A message about a key: `file:line: key: sentence`."""
+        return f"{self.place(key)}: {dotted(key)}: {sentence}" if key else f"{self.place(key)}: {sentence}"
+
 
 def read_yaml(path: Path | str) -> Located:
     """Read a YAML mapping.

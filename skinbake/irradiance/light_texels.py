@@ -22,9 +22,11 @@ from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.plan_line import PlanLine
 from skinbake.scene.spec import SpecularSpec
 
 Image = NDArray[np.float32]
+DARK = "no skin gets any of its light; is it where it should be, does it look the right way, is it not black?"
 
 
 def light_texels(
@@ -80,7 +82,7 @@ def light_texels(
     }
     plan = {name: sky.lines for name, sky in skies.items()}
     names = tuple(light.name for light in lights)
-    maps_out = []
+    maps_out, dark = [], set(names)
     for raster in atlas:
         surface = texel_surface(raster, mesh, maps, specular, occluder)
         found = []
@@ -98,7 +100,11 @@ def light_texels(
             found.append(lit.copy() if kept is lit else kept)
         del surface, lit
         rgb, seen = np.stack([kept[..., :3] for kept in found]), np.stack([kept[..., 3] for kept in found])
+        dark -= {name for name, image in zip(names, rgb, strict=True) if any(row.any() for row in image)}
         maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
+    for name in names:
+        if name in dark:
+            plan[name] = (*plan.get(name, ()), PlanLine(name, False, DARK))
     return tuple(maps_out)
 
 

@@ -30,7 +30,7 @@ CLOSE_UPS: dict[str, tuple[str, tuple[float, float, float], float, float, float]
     "eyes": ("nose", (0.0, 38.0, -24.0), 105.0, 10.0, 2.0),
     "ear": ("ear", (0.0, 0.0, 12.0), 92.0, 78.0, 2.0),
 }
-VIEWS = (*ANGLES, *CLOSE_UPS)
+VIEWS = (*ANGLES, *CLOSE_UPS)  # `scene.spec.View`
 
 
 @dataclass(frozen=True)

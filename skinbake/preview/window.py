@@ -64,7 +64,7 @@ class PreviewWindow:
         self.start = Controls(scene.lights, gains, parse_mode(mode, len(scene.lobes)), level)
         self.controls = self.start
         self.scene, self.look = scene, look
-        self.view_name = look.view
+        self.view_name: str = look.view
         width, height = size or look.size
         self.camera: Camera = view(scene.mesh, look.view, width / height)
         self.fps = 0.0

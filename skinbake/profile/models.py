@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from skinbake.numerics import Float
 from skinbake.profile.better_dipole import BetterDipole
-from skinbake.profile.burley import burley_cdf, burley_disc_mean, burley_hankel, burley_reflectance
+from skinbake.profile.burley import burley_disc_mean, burley_hankel, burley_reflectance
 from skinbake.profile.diffusion_profile import SpectralProfile, as_radii
 from skinbake.profile.dipole import dipole_reflectance, dipole_total
 from skinbake.profile.fresnel import BoundaryMethod, boundary_factor
@@ -177,10 +177,6 @@ class BurleyProfile(SpectralProfile):
     def total_reflectance(self) -> Float:
         """The albedo A."""
         return self.albedo
-
-    def cdf(self, radius_mm: ArrayLike) -> Float:
-        """Share of the light within r, shape (N, 3)."""
-        return burley_cdf(self.d_mm, as_radii(radius_mm)[:, None])
 
     def hankel(self, s_per_mm: Float) -> Float:
         """Closed form of R~(s)."""

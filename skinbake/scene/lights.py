@@ -7,16 +7,17 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from skinbake.scene.strict import NonNegative, Rgb, Strict, Vector
+from skinbake.scene.strict import LARGEST, NonNegative, Rgb, Strict, Vector
 
 
-def _not_zero(vector: Vector) -> Vector:
-    if math.hypot(*vector) == 0:
-        raise ValueError("expected a direction that is not zero")
+def _has_length(vector: Vector) -> Vector:
+    length = math.hypot(*vector)
+    if not 1 / LARGEST <= length <= LARGEST:
+        raise ValueError(f"expected a direction that is not zero, {1 / LARGEST:g} to {LARGEST:g} long, got {length:g}")
     return vector
 
 
-Direction = Annotated[Vector, AfterValidator(_not_zero)]
+Direction = Annotated[Vector, AfterValidator(_has_length)]
 
 
 class _Light(Strict):
@@ -81,7 +82,7 @@ class EnvironmentLight(_Light):
     path: str | None = None
     radiance: Rgb | None = None
     scale: NonNegative = 1.0
-    rotate_deg: float = 0.0
+    rotate_deg: Annotated[float, Field(ge=-3600, le=3600)] = 0.0
     samples: Annotated[int, Field(ge=1, le=4096)] | None = None
 
     @model_validator(mode="after")

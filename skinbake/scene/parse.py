@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, get_args
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from skinbake.errors import ConfigError
 from skinbake.scene.strict import Strict
 
-T = TypeVar("T")
 Key = tuple[str | int, ...]
 
 
-def parse(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str]) -> Any:
-    """Validate `mapping` as `kind` (a model or an annotated union of models).
+def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str]) -> Any:
+    """Validate `mapping`, as it came out of a file, as `kind` (a model or an annotated union of models).
 
     Parameters
     ----------
@@ -29,7 +28,7 @@ def parse(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str])
         With one message for each fault.
     """
     try:
-        return TypeAdapter(kind).validate_python(dict(mapping))
+        return TypeAdapter(kind).validate_python(mapping)
     except ValidationError as error:
         faults = []
         found = error.errors(include_url=False)
@@ -41,10 +40,20 @@ def parse(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str])
             key = _key(mapping, fault["loc"], fault["type"])
             if fault["type"].startswith("union_tag"):
                 key = (*key, fault["ctx"]["discriminator"].strip("'"))
-            line = say(key, _sentence(fault))
+            line = say(key, _sentence(kind, fault))
             if line not in faults:
                 faults.append(line)
         raise ConfigError(faults) from error
+
+
+def unknown_keys(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str]) -> list[str]:
+    """A message for each key of `mapping` that `kind` does not know; what else is wrong is passed over."""
+    try:
+        TypeAdapter(kind).validate_python(mapping)
+    except ValidationError as error:
+        faults = [fault for fault in error.errors(include_url=False) if fault["type"] == "extra_forbidden"]
+        return [say(_key(mapping, fault["loc"], fault["type"]), _sentence(kind, fault)) for fault in faults]
+    return []
 
 
 def _key(value: Any, loc: tuple[str | int, ...], kind: str) -> Key:
@@ -63,31 +72,60 @@ def _key(value: Any, loc: tuple[str | int, ...], kind: str) -> Key:
     return tuple(key)
 
 
-def _sentence(fault: Any) -> str:
-    kind, got, context = fault["type"], fault.get("input"), fault.get("ctx", {})
-    if kind == "extra_forbidden":
-        return "unknown key" + _suggest(str(fault["loc"][-1]), sorted(_known_keys()))
-    if kind == "missing":
+def _sentence(kind: Any, fault: Any) -> str:
+    found, got, context = fault["type"], fault.get("input"), fault.get("ctx", {})
+    if found == "extra_forbidden":
+        return _unknown(str(fault["loc"][-1]), _keys_at(kind, fault["loc"][:-1]))
+    if found in ("missing", "union_tag_not_found"):
         return "missing; expected a value"
-    if kind == "union_tag_not_found":
-        return "missing; expected a value"
-    if kind == "union_tag_invalid":
+    if found in _EXPECTED:
+        return f"expected {_EXPECTED[found]}, got {_shown(got)}"
+    if found in ("too_short", "too_long"):
+        limit = f"at least {context['min_length']}" if found == "too_short" else f"at most {context['max_length']}"
+        return f"expected a list of {limit}, got {context['actual_length']}"
+    if found == "union_tag_invalid":
         tags = context.get("expected_tags", "").replace("'", "")
         return f"expected one of {tags}, got {context.get('tag')}{_suggest(str(context.get('tag')), tags.split(', '))}"
     message = str(fault["msg"]).removeprefix("Value error, ")
     for before, after in _PHRASES:
         message = message.replace(before, after)
-    if kind == "literal_error":
+    if found == "literal_error":
         options = context.get("expected", "").replace("'", "").replace(" or ", ", ").split(", ")
         return f"{message}, got {got!r}{_suggest(str(got), options)}"
     if "got" not in message and (got is None or isinstance(got, bool | int | float | str)):
-        message += f", got {got!r}"
+        message += f", got {_shown(got)}"
     return message
 
 
+def _shown(value: Any) -> str:
+    """A value as its YAML has it, told by its kind where it is long."""
+    if isinstance(value, Mapping):
+        return "a mapping"
+    if isinstance(value, list | tuple):
+        return "a list"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "nothing" if value is None else repr(value) if isinstance(value, str) else str(value)
+
+
+_EXPECTED = {
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "dict_type": "a mapping",
+    "invalid_key": "text as a key",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "bool_type": "a boolean",
+    "bool_parsing": "a boolean",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number of fewer digits",
+    "int_from_float": "a whole number",
+}
 _PHRASES = (
-    ("Input should be a valid ", "expected a "),
-    ("Input should be an instance of ", "expected "),
     ("Input should be ", "expected "),
     ("greater than or equal to", ">="),
     ("less than or equal to", "<="),
@@ -95,9 +133,6 @@ _PHRASES = (
     ("expected less than", "expected a number <"),
     ("expected >=", "expected a number >="),
     ("expected <=", "expected a number <="),
-    ("expected a integer", "expected an integer"),
-    ("dictionary", "mapping"),
-    ("expected a tuple", "expected a list"),
     ("String should match pattern '^[A-Za-z0-9_-]+$'", "expected letters, digits, _ and - only"),
 )
 
@@ -105,6 +140,32 @@ _PHRASES = (
 def _suggest(word: str, options: list[str]) -> str:
     close = difflib.get_close_matches(word, options, n=1)
     return f"; did you mean {close[0]}?" if close else ""
+
+
+def _unknown(word: str, allowed: list[str]) -> str:
+    if word in _known_keys():
+        return f"does not belong here; expected one of {', '.join(allowed)}"
+    return "unknown key" + (_suggest(word, allowed) or f"; expected one of {', '.join(allowed)}")
+
+
+def _keys_at(kind: Any, loc: tuple[str | int, ...]) -> list[str]:
+    """Keys that are allowed where pydantic's location leads, from `kind` down: by fields and by tags of unions."""
+    models = list(_models(kind))
+    for part in loc:
+        below = [field.annotation for model in models if (field := model.model_fields.get(str(part)))]
+        tagged = [
+            model for model in models if any(get_args(f.annotation) == (part,) for f in model.model_fields.values())
+        ]
+        models = [model for annotation in below for model in _models(annotation)] or tagged or models
+    return list(dict.fromkeys(key for model in models for key in model.model_fields))
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models inside an annotation: of a union, a list, an optional."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _models(inner)
 
 
 def _known_keys() -> set[str]:

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.skin import SkinSpec
-from skinbake.scene.strict import Fraction, NonNegative, Positive, Rgb, Strict
+from skinbake.scene.strict import Fraction, NonNegative, Positive, Strict
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "dm": 100.0, "m": 1000.0, "inch": 25.4}
 
@@ -81,7 +81,9 @@ class TextureSpec(Strict):
     @field_validator("size", mode="before")
     @classmethod
     def _square(cls, value: Any) -> Any:
-        return (value, value) if isinstance(value, int) and not isinstance(value, bool) else value
+        if not isinstance(value, int | list | tuple) or isinstance(value, bool):
+            raise ValueError("expected a whole number or [width, height]")
+        return (value, value) if isinstance(value, int) else value
 
 
 class DiffusionSpec(Strict):
@@ -117,7 +119,7 @@ class SpecularSpec(Strict):
 
     f0: Fraction = 0.028
     roughness: Annotated[float, Field(ge=1e-4, le=1)] = 0.3
-    strength: NonNegative = 0.318
+    strength: Annotated[float, Field(ge=0, le=1000)] = 0.318
 
 
 def _switch(value: Any) -> Any:
@@ -146,13 +148,19 @@ class OutputSpec(Strict):
     tx: bool = False
 
 
+View = Literal["front", "left", "right", "three-quarter", "three-quarter-right", "back", "nose", "lips", "eyes", "ear"]
+PictureSize = Annotated[int, Field(ge=1, le=8192)]
+STOPS = 100
+Shade = Annotated[float, Field(ge=0, le=1e6)]
+
+
 class PreviewSpec(Strict):
     """The still that a bake ends with; the preview verb can say otherwise."""
 
-    size: tuple[Size, Size] = (768, 960)
-    view: str = "three-quarter"
-    exposure: float = 0.0
-    background_rgb: Rgb = (0.018, 0.019, 0.022)
+    size: tuple[PictureSize, PictureSize] = (768, 960)
+    view: View = "three-quarter"
+    exposure: Annotated[float, Field(ge=-STOPS, le=STOPS)] = 0.0
+    background_rgb: tuple[Shade, Shade, Shade] = (0.018, 0.019, 0.022)
 
 
 class SceneSpec(Strict):

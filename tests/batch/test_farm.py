@@ -1,13 +1,17 @@
 import json
 import os
 import signal
+import socketserver
 import subprocess
 import sys
+import threading
 import time
 from contextlib import ExitStack, suppress
 
 import pytest
 
+from skinbake.batch.farm import run_on_dask
+from skinbake.errors import InputError
 from skinbake.io.mesh import write_obj
 from tests.cli.test_batch import BATCH, digests
 from tests.conftest import ROOT
@@ -156,8 +160,33 @@ def test_local_starts_a_cluster_of_its_own(tmp_path):
     assert [results[name]["value"] for name in "abc"] == ["a", "b", "c"]
 
 
-def test_no_scheduler_is_told(tmp_path):
-    """The message says how to start one."""
-    with client(tmp_path, "tcp://127.0.0.1:9", {"a": {}}) as process:
+class Greeting(socketserver.BaseRequestHandler):
+    def handle(self):
+        self.request.sendall(b"SSH-2.0-OpenSSH_9.6\r\n")  # dask takes it for a length of 2.8 EiB
+
+
+@pytest.fixture
+def ssh():
+    """Address of what answers, but is no scheduler."""
+    with socketserver.TCPServer(("127.0.0.1", 0), Greeting) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"tcp://127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.parametrize("who", ["nobody", "ssh"])
+def test_no_scheduler_is_told(tmp_path, ssh, who):
+    """The message says how to start one, also where another protocol answers."""
+    address = ssh if who == "ssh" else "tcp://127.0.0.1:9"
+    with client(tmp_path, address, {"a": {}}) as process:
         _, err = process.communicate(timeout=90)
-    assert "MachineError: --dask tcp://127.0.0.1:9: no scheduler answers there; `dask scheduler` starts one" in err
+    assert f"MachineError: --dask {address}: no scheduler answers there; `dask scheduler` starts one" in err
+
+
+@pytest.mark.parametrize("address", ["foo", "tcp://foo", "foo:bar", "xyz://foo:1"])
+def test_an_address_that_is_none_is_bad_input(address):
+    """Nobody is asked."""
+    with pytest.raises(InputError, match=f"--dask {address}: expected HOST:PORT or local, got"):
+        run_on_dask(address, None, {}, None)

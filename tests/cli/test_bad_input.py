@@ -85,6 +85,11 @@ def other_uvs(change):
     return write
 
 
+def off_the_tiles(look, folder):
+    other_uvs(lambda mesh: mesh.corner_uv - [0.6, 0])(look, folder)
+    put(look, "texture.udim", True)
+
+
 def inside_a_file(look, folder):
     (folder / "taken").write_text("a file")
     put(look, "output.dir", str(folder / "taken" / "out"))
@@ -106,23 +111,24 @@ LIGHT = {"name": "l", "type": "directional", "direction": [0, 0, -1], "irradianc
 
 # what is wrong: (change to the look, what the message must hold)
 CASES = {
-    "mesh missing": (keyed("mesh.path", "/nowhere/head.obj"), "No such file"),
+    "mesh missing": (keyed("mesh.path", "/nowhere/head.obj"), "mesh.path: expected a file, there is none at /nowhere"),
     "mesh is a text": (obj("dear diary"), "expected triangles, got none"),
     "mesh has no triangles": (obj(TRIANGLE), "expected triangles, got none"),
     "mesh has no uvs": (obj(TRIANGLE + "f 1 2 3\n"), "set texture.unwrap: xatlas"),
     "mesh has a nan vertex": (obj(TRIANGLE.replace("240", "nan") + UVS + "f 1/1 2/2 3/3\n"), "NaN or Inf"),
     "mesh has a nan uv": (obj(TRIANGLE + UVS.replace("vt 1 0", "vt nan 0") + "f 1/1 2/2 3/3\n"), "expected finite UVs"),
-    "mesh names a vertex it lacks": (obj(TRIANGLE + UVS + "f 1/1 2/2 9/3\n"), "head.obj: not a mesh that can be read"),
+    "mesh names a vertex it lacks": (obj(TRIANGLE + UVS + "f 1/1 2/2 9/3\n"), "head.obj:7: f: expected a vertex"),
     "mesh in metres read as millimetres": (metres, "set mesh.unit: m (240 mm)"),
     "mesh in millimetres read as metres": (keyed("mesh.unit", "m"), "set mesh.unit: mm (240 mm)"),
     "mesh of an unknown kind": (as_file("mesh.path", "head.blend", b"BLENDER"), "expected a mesh file (.obj"),
     "uvs outside the texture": (other_uvs(lambda m: m.corner_uv + np.array([1.5, 0])), "set texture.udim: true"),
+    "uvs off the tiles": (off_the_tiles, "head.obj: texture.udim: expected UVs on tiles 1001 to 9999"),
     "uvs without area": (other_uvs(lambda m: m.corner_uv * [1, 0]), "have no UV area"),
     "stacked charts": (other_uvs(lambda m: m.corner_uv[:1].repeat(len(m.faces), axis=0)), "share texels with others"),
     "unit unknown": (keyed("mesh.unit", "furlong"), "mesh.unit"),
     "unit twice": (keyed("mesh.mm_per_unit", 10), "exactly one of unit"),
     "unit zero": (keyed("mesh", {"path": "head.obj", "mm_per_unit": 0}), "mm_per_unit"),
-    "map missing": (keyed("maps.albedo", "/nowhere/skin.png"), "No such file"),
+    "map missing": (keyed("maps.albedo", "/nowhere/skin.png"), "maps.albedo: expected a file, there is none at /"),
     "map is text": (as_file("maps.albedo", "skin.exr", b"not an image"), "skin.exr: not an image that can be read"),
     "map is empty": (as_file("maps.roughness", "r.png", b""), "r.png"),
     "map is cut": (cut, "cut.exr: the image is cut or damaged"),
@@ -131,9 +137,16 @@ CASES = {
     "albedo above 1": (image("maps.albedo", "a.exr", black_nan((4, 4, 3), (1, 2, 1), 3.0)), "from 0 to 1, got 3"),
     "albedo below 0": (image("maps.albedo", "a.exr", black_nan((4, 4, 3), (1, 2, 1), -1.0)), "from 0 to 1, got -1"),
     "constant albedo above 1": (keyed("maps.albedo_rgb", [1.5, 0, 0]), "maps.albedo_rgb"),
-    "environment missing": (no_sky, "No such file"),
+    "environment missing": (no_sky, "lights[1].path: expected a file, there is none at"),
     "negative light": (keyed("lights.0.irradiance", [-1, 0, 0]), "lights[0].irradiance"),
     "light without direction": (keyed("lights.0.direction", [0, 0, 0]), "a direction that is not zero"),
+    "light whose direction underflows": (keyed("lights.0.direction", [1e-200, 0, 0]), "a direction that is not zero"),
+    "light beyond single precision": (keyed("lights.0.irradiance", [1e39, 1, 1]), "lights[0].irradiance"),
+    "view unknown": (keyed("preview.view", "topp"), "preview.view"),
+    "picture too large": (keyed("preview.size", [32768, 512]), "preview.size"),
+    "exposure too large": (keyed("preview.exposure", 1e9), "preview.exposure"),
+    "background too bright": (keyed("preview.background_rgb", [1e39, 0, 0]), "preview.background_rgb"),
+    "oil too bright": (keyed("specular.strength", 1e39), "specular.strength"),
     "light of unknown type": (keyed("lights.0.type", "laser"), "lights[0]"),
     "no lights": (keyed("lights", []), "lights"),
     "two lights of one name": (keyed("lights", [LIGHT, LIGHT]), "light names that differ"),

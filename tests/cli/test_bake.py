@@ -16,7 +16,7 @@ from skinbake.cli import run
 from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
 from skinbake.io.mesh import write_obj
 from tests.conftest import ROOT
-from tests.shapes import joined, quad, relief
+from tests.shapes import joined, quad, relief, sphere
 
 LOOK = """\
 mesh: {{path: mesh.obj, unit: mm, any_size: true}}
@@ -149,17 +149,57 @@ def test_stages_that_have_not_changed_are_not_run_again(scene):
     assert fresh[()] == digests(bake(look, "--force"))
 
 
-def test_each_stage_runs_alone_on_files(scene):
-    """irradiance, then diffuse on its file, is what bake does in one go."""
-    look = scene()
-    whole = digests(bake(look))
-    out = bake(look, "--out", str(look.parent / "apart"), verb="irradiance").parent / "apart"
-    arguments = ["diffuse", str(look), str(out / "irradiance.exr"), "--out", str(out), "--quiet"]
+@pytest.mark.parametrize(("tiles", "name"), [(1, "irradiance.exr"), (2, "irradiance.exr"), (2, "irradiance.1002.exr")])
+def test_each_stage_runs_alone_on_files(scene, tiles, name):
+    """irradiance, then diffuse on its file or on any of its tiles, is what bake does in one go."""
+    look = scene(sphere(90.0, "latlong", 24, tiles=tiles))
+    udim = ("--set", f"texture.udim={str(tiles > 1).lower()}")
+    whole = digests(bake(look, *udim))
+    out = bake(look, *udim, "--out", str(look.parent / "apart"), verb="irradiance").parent / "apart"
+    arguments = ["diffuse", str(look), str(out / name), "--out", str(out), "--quiet", *udim]
     assert run(arguments) == 0
     for name in whole:
         ours, theirs = read_parts(look.parent / "out" / name), read_parts(out / name)
         for part in ours:
             np.testing.assert_array_equal(ours[part].rgb, theirs[part].rgb)
+
+
+def test_what_was_reused_keeps_its_seconds_and_memory(scene):
+    """A run that did nothing tells those of the run that did it; one that did a part adds its own."""
+    path = scene(size=32).parent / "out" / "bake.json"
+    look = path.parent.parent / "look.yaml"
+    bake(look)
+    manifest = json.loads(path.read_text())
+    earlier = dict.fromkeys(manifest["timings"], 100.0) | {"total": 5000.0}
+    path.write_text(json.dumps(manifest | {"timings": earlier, "peak_memory_mib": 1e6}))
+    bake(look)
+    again = json.loads(path.read_text())
+    assert again["timings"] == earlier
+    assert again["peak_memory_mib"] == 1e6
+    bake(look, "--set", "diffusion.probes=90")
+    part = json.loads(path.read_text())
+    seconds = part["timings"]
+    assert seconds["irradiance"] == 100
+    assert seconds["diffuse"] < 100
+    assert sum(seconds.values()) - seconds["total"] <= seconds["total"] < 300
+    assert part["peak_memory_mib"] == 1e6
+    bake(look, "--force")
+    fresh = json.loads(path.read_text())
+    assert fresh["timings"]["total"] < 100
+    assert fresh["peak_memory_mib"] < 1e6
+
+
+def test_a_damaged_manifest_is_written_anew(scene):
+    """Whatever it lacks or has of another kind, the next bake does not."""
+    look = scene(size=16)
+    path = bake(look) / "bake.json"
+    whole = json.loads(path.read_text())
+    for key in ("version", "inputs", "plan", "error", "timings", "peak_memory_mib", "bytes", "lobes"):
+        lacking = {name: value for name, value in whole.items() if name != key}
+        for damaged in (lacking, lacking | {key: [5]}, [lacking]):
+            path.write_text(json.dumps(damaged))
+            bake(look)
+            assert json.loads(path.read_text()).keys() == whole.keys(), key
 
 
 def test_any_irradiance_exr_can_be_diffused(scene, tmp_path):

@@ -176,15 +176,17 @@ def test_a_failure_does_not_stop_the_others(here, folder, capsys):
     report = json.loads((folder / "out" / "batch.json").read_text())
     assert [job["status"] for job in report["jobs"]] == ["done", "failed", "done"] * 2
     jobs = batch(folder, "--fail-fast", code=1)
+    assert re.match(r"  thin-lost: .*nowhere\.obj: expected", capsys.readouterr().err), "quiet is not silent"
     assert [job["status"] for job in jobs.values()] == ["fresh", "failed", "skipped", "skipped", "skipped", "skipped"]
 
 
-def test_a_missed_tolerance_is_told_and_written(here, folder):
+def test_a_missed_tolerance_is_told_and_written(here, folder, capsys):
     """Exit code 1 as a bake has; the files are there."""
     missed = ["--set", "diffusion.method=texture", "--set", "diffusion.tolerance=1e-6"]
     jobs = batch(folder, "--only", "thin-day", *missed, code=1)
     assert jobs["thin-day"]["status"] == "missed"
     assert "tolerance 1e-06 missed" in jobs["thin-day"]["error"]
+    assert capsys.readouterr().err == f"  thin-day: {jobs['thin-day']['error']}\n"
     assert (folder / "out" / "thin-day" / "lobe_0.exr").is_file()
 
 
@@ -277,6 +279,14 @@ def test_the_cache_can_live_elsewhere_and_be_bounded(here, folder, monkeypatch):
     assert len(list((folder / "shared").rglob("*.npz"))) == len(entries)
 
 
+@pytest.mark.parametrize("size", ["nan", "inf", "1e300", "-1"])
+def test_a_cache_has_a_size(folder, capsys, size):
+    """Nothing is written otherwise."""
+    assert run(["batch", str(folder / "looks.yaml"), "--cache-gib", size]) == 2
+    assert "Invalid value for '--cache-gib'" in capsys.readouterr().err
+    assert not (folder / "out").exists()
+
+
 def test_a_single_bake_can_use_the_cache_too(here, folder, monkeypatch, capsys):
     """Folder by option or by environment: another look of the head finds its lights traced."""
     look = ["bake", str(folder / "alone.yaml"), "--no-preview", "--out"]
@@ -303,3 +313,22 @@ def test_info_lists_a_batch(here, folder, capsys):
     assert lines[0].endswith("4 looks of looks.yaml")
     assert re.fullmatch(r"  thin-day +done +rms \d\.\d\d%", lines[1])
     assert lines[3].split() == ["thick-day", "not", "run"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "expected JSON"),
+        ("[]", "expected a mapping"),
+        ("{}", "jobs: missing"),
+        ('{"jobs": [{"name": "thin-day"}]}', "jobs.0.status: missing"),
+    ],
+)
+def test_a_damaged_report_is_told_and_written_anew(here, folder, capsys, text, message):
+    """`info` ends with one line; the next batch knows nothing of it."""
+    (folder / "out").mkdir()
+    (folder / "out" / "batch.json").write_text(text)
+    assert run(["info", str(folder / "out")]) == 2
+    said = capsys.readouterr().err
+    assert re.fullmatch(rf"skinbake: \S+batch\.json: {message}.*\n", said)
+    assert [job["status"] for job in batch(folder, "--only", "thick-day").values()][1:3] == ["not run", "done"]

@@ -54,6 +54,13 @@ def test_the_text_names_all_of_it(tmp_path, capsys):
     assert [line.split()[0] for line in out.splitlines()] == ["mesh", "texture", "texel", "charts", "lobes", "expected"]
 
 
+def test_a_texture_that_no_machine_holds_is_refused_before_it_is_rasterised(tmp_path, capsys, monkeypatch):
+    """With what it would need, exit 3."""
+    monkeypatch.setattr("os.sysconf", lambda name: 1 << 10)  # a megabyte in all
+    assert run(["check", look(tmp_path, quad(240.0, 120.0)), "--set", "texture.size=4096"]) == 3
+    assert "4096 x 4096 texels" in capsys.readouterr().err
+
+
 def test_overlaps_spoil_a_bake_and_are_pictured(tmp_path, capsys):
     """Two charts on one place: exit 2, both counted, red in the picture."""
     from skinbake.io.image import read_map

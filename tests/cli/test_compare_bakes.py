@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import re
 
+import numpy as np
 import pytest
 
 from skinbake.cli import run
+from skinbake.io.exr import Part, read_parts, rgb_channels, write_parts
 from skinbake.io.manifest import read_manifest
 from skinbake.io.mesh import write_obj
+from tests.cli.test_bad_input import save
 from tests.cli.test_faults import LOOK
+from tests.preview.bakes import write_bake
 from tests.shapes import relief
 
 
@@ -51,6 +55,94 @@ def test_lobes_of_other_sizes_are_read_bilinearly(bake, capsys):
     said = capsys.readouterr().out
     assert re.search(r"lobe_1\.exr irradiance +rms \d", said)
     assert "shape" not in said
+
+
+def image(path, value=0.5, shape=(8, 9, 3)):
+    return save(path, np.full(shape, value, np.float32))
+
+
+def strict_json(text):
+    def refuse(name):
+        raise AssertionError(f"{name} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.mark.parametrize("option", ["--absolute", "--relative", "--allowed", "--worst"])
+@pytest.mark.parametrize("value", ["nan", "inf", "-1"])
+def test_a_limit_is_a_finite_number(tmp_path, capsys, option, value):
+    """Any image would be the same as any other."""
+    assert run(["compare", image(tmp_path / "a.exr", 0.2), image(tmp_path / "b.exr", 0.8), option, value]) == 2
+    said = capsys.readouterr()
+    assert f"Invalid value for '{option}'" in said.err
+    assert not said.out
+
+
+def test_what_has_nothing_in_common_cannot_be_compared(tmp_path, capsys):
+    """Another size, or other names: one line and exit code 2, which is not that of a difference."""
+    a, wider = image(tmp_path / "a.exr"), image(tmp_path / "wider.exr", shape=(8, 10, 3))
+    assert run(["compare", a, wider, "--picture", str(tmp_path / "difference.png")]) == 2
+    said = capsys.readouterr()
+    assert said.err == f"skinbake: {a} and {wider}: expected images of one name and shape, " + (
+        "got shape (8, 9, 3) against (8, 10, 3)\n"
+    )
+    assert not said.out
+    assert run(["compare", a, wider, "--json"]) == 2
+    assert strict_json(capsys.readouterr().out)["images"][""]["rms"] is None
+    assert run(["compare", a, str(write_bake(tmp_path))]) == 2
+    assert capsys.readouterr().err.endswith("got none of one name\n")
+
+
+def test_folders_with_something_in_common_differ(tmp_path, capsys):
+    """A file too few, or one of another size, is a difference where others could be compared; so is NaN."""
+    for folder in "ab":
+        (tmp_path / folder).mkdir()
+        image(tmp_path / folder / "same.exr")
+    a, b = str(tmp_path / "a"), str(tmp_path / "b")
+    assert run(["compare", a, b]) == 0
+    image(tmp_path / "a" / "other.exr")
+    assert run(["compare", a, b]) == 1
+    image(tmp_path / "b" / "other.exr", shape=(3, 3, 3))
+    assert run(["compare", a, b]) == 1
+    capsys.readouterr()
+    image(tmp_path / "b" / "other.exr", np.nan)
+    assert run(["compare", a, b, "--json"]) == 1
+    assert strict_json(capsys.readouterr().out)["images"]["other.exr"]["max_absolute"] is None
+
+
+@pytest.mark.parametrize(
+    "key", ["version", "inputs", "plan", "error", "timings", "peak_memory_mib", "lights", "terms", "irradiance"]
+)
+def test_info_of_an_older_bake_leaves_out_what_it_lacks(tmp_path, capsys, key):
+    """Keys that came later are not asked for; one of another kind is told in one line."""
+    out = write_bake(tmp_path)
+    manifest = read_manifest(out)
+    (out / "bake.json").write_text(json.dumps({k: value for k, value in manifest.items() if k != key}))
+    assert run(["info", str(out)]) == 0
+    assert run(["info", str(out), "--json"]) == 0
+    assert capsys.readouterr().out.startswith("skinbake ?, lights")
+    (out / "bake.json").write_text(json.dumps(manifest | {key: 5 if key != "peak_memory_mib" else "5"}))
+    assert run(["info", str(out)]) == 2
+    assert re.fullmatch(rf"skinbake: \S+bake\.json: {key}: expected .*\n", capsys.readouterr().err)
+
+
+def test_a_lobe_without_its_total_differs(bake, tmp_path, capsys):
+    """As another tool may have written it: the rest is compared, but not what the lobes sum to."""
+    first, second = bake("a"), bake("b")
+    lobe = tmp_path / "b" / "lobe_0.exr"
+    write_parts(lobe, [Part("light.key", rgb_channels(read_parts(lobe)["light.key"].rgb))])
+    assert run(["compare", first, second]) == 1
+    assert re.search(r"lobe_0\.exr irradiance +only in ", capsys.readouterr().out)
+
+
+def test_info_of_a_path_that_cannot_be_one(tmp_path, capsys):
+    """A NUL byte in a damaged manifest."""
+    out = write_bake(tmp_path)
+    manifest = read_manifest(out)
+    manifest["config"]["mesh"]["path"] = "a\0b.obj"
+    (out / "bake.json").write_text(json.dumps(manifest))
+    assert run(["info", str(out)]) in (0, 2)
+    assert "Traceback" not in capsys.readouterr().err
 
 
 def test_info_tells_where_a_bake_came_from(bake, tmp_path, capsys):

@@ -113,6 +113,8 @@ def test_without_opengl_everything_but_the_picture_is_there(tmp_path, monkeypatc
         (["--lights", "key"], "expected NAME=GAIN"),
         (["--lights", "key=-1", "--exr"], "each >= 0"),
         (["--size", "0x10"], "--size: expected WIDTHxHEIGHT"),
+        (["--exposure", "nan"], "-100<=x<=100"),
+        (["--exposure", "-2000"], "-100<=x<=100"),
         (["--png", "a.jpg"], "ends in .png"),
         (["--png", "a.png", "--views", "front,left"], "give --out DIR for several"),
     ],

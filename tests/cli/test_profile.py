@@ -57,7 +57,6 @@ def test_transport_has_errors_and_takes_photons(config, capsys):
     """A dipole's file evaluated by transport: standard errors present, totals near the dipole's; the seed decides."""
     path = config(SKIN1)
     arguments = ["profile", path, "--set", "model=transport", "--photons", "4000", "--radii", "1,3", "--json"]
-    arguments[3] = "skin.model=transport"
     assert run(arguments) == 0
     first = capsys.readouterr().out
     assert run(arguments) == 0
@@ -90,7 +89,9 @@ def test_preset_inside_a_look(config, capsys):
         (SKIN1, ["--json", "--csv"], "expected one of them"),
         (SKIN1, ["--photons", "10"], "expected a skin with model transport, got dipole"),
         (SKIN1.replace("1.3", "0.7"), [], "skin.yaml:4: skin.eta: expected a number >= 1, got 0.7"),
-        ("path: none.csv", [], "No such file"),
+        ("path: none.csv", [], "skin.yaml:1: skin.path: expected a file, there is none at"),
+        ("foo: 3\n" + LOOK, [], "skin.yaml:1: foo: unknown key"),
+        (LOOK, ["--set", ".=5"], "--set .: expected a key such as texture.size, got '.'"),
     ],
 )
 def test_bad_input_is_said_in_a_line(config, capsys, text, arguments, message):

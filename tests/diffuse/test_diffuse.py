@@ -5,6 +5,8 @@ import pytest
 
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse import diffuse, measure_error, memory_needed_bytes
+from skinbake.diffuse.diffuse import _advice
+from skinbake.diffuse.diffuse_map import MeasuredError
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.probes import draw_probes, read_bilinear
 from skinbake.errors import InputError, MachineError
@@ -50,6 +52,15 @@ def test_a_missed_tolerance_is_said_with_the_knob_that_helps():
     baked = _bake(relief(), method="texture", tolerance=1e-3)
     assert not baked.tolerance_met
     assert "diffusion.method" in baked.advice
+
+
+@pytest.mark.parametrize("precision", ["half", "float"])
+def test_advice_does_not_name_the_precision_that_is_set(precision):
+    """Nor does a tolerance of a millionth look like none."""
+    advice = _advice(DiffusionSpec(tolerance=1e-6), MeasuredError(0.01, 0.02, 0.05, 9, 0.001, 0.0099), precision)
+    assert "storage is the larger part; raise texture.size" in advice
+    assert ("output.precision" in advice) == (precision == "half")
+    assert "rms 1% is above diffusion.tolerance 0.0001%" in advice
 
 
 def test_surface_is_nearer_than_stretch_and_stretch_than_texture():

@@ -110,7 +110,7 @@ def read_look(path: Path) -> None:
     from skinbake.io.manifest import portable_config, spec_of
     from skinbake.scene.spec import SceneSpec
 
-    spec = load_look(path)
+    spec = load_look(path, files=False)
     assert isinstance(spec, SceneSpec)
     # What bake.json will hold must give the same look again
     again = spec_of({"config": json.loads(json.dumps(portable_config(spec, path.parent)))}, path.parent)
@@ -120,6 +120,7 @@ def read_look(path: Path) -> None:
 def read_skin(path: Path) -> None:
     from skinbake.io.config import load_skin
 
+    path.with_name("x.csv").touch()
     load_skin(path)
 
 
@@ -168,7 +169,7 @@ def read_overrides(path: Path) -> None:
 
     look = path.with_name("look.yaml")
     look.write_text(WHOLE_LOOK)
-    load_look(look, path.read_text("utf-8", "surrogateescape").split("\n"))
+    load_look(look, path.read_text("utf-8", "surrogateescape").split("\n"), files=False)
 
 
 @cache
@@ -207,7 +208,7 @@ def manifest_seeds() -> Seeds:
             "lights.sky.path=null",
             "texture.udim=false",
         ]
-        config = portable_config(load_look(look, [*bare, "lights.sky.radiance=[1, 1, 1]"]), Path(folder))
+        config = portable_config(load_look(look, [*bare, "lights.sky.radiance=[1, 1, 1]"], files=False), Path(folder))
         config["mesh"]["path"] = "head.obj"
     lobe = {"file": "lobe_0.exr", "variance_mm2": 0.1, "weight_rgb": [1, 1, 1], "size": [8, 4], "method": "texture"}
     manifest = {
@@ -215,7 +216,9 @@ def manifest_seeds() -> Seeds:
         "lobes": [lobe],
         "lights": ["key", "rim", "spot", "soft", "sky"], "texturing": {"mode": "mix", "mix": 0.5},
         "terms": {"energy_conservation": True},
-        "timings": {"total": 1.0}, "error": {"rms": 0.01}, "plan": [],
+        "timings": {"total": 1.0}, "peak_memory_mib": 200.0,
+        "error": {"rms": 0.01, "p95": 0.02, "max": 0.1, "probes": 9, "method": 0.01, "storage": 0.0, "fit": [0.0] * 3},
+        "plan": [{"term": "shadows", "kept": True, "why": "asked for"}],
     }  # fmt: skip
     return ((".json", json.dumps(manifest, indent=1).encode()),)
 

@@ -84,7 +84,7 @@ def test_a_job_without_overrides_is_its_base(batch, tmp_path):
         "defaults: {base: looks/look.yaml, output: {dir: out}}\njobs:\n  - {name: a}\n  - {name: b, mesh.path: x.obj}\n"
     )
     first, second = (job.spec for job in load_batch(path).jobs)
-    alone = load_look(tmp_path / "looks" / "look.yaml", out=tmp_path / "out" / "a")
+    alone = load_look(tmp_path / "looks" / "look.yaml", out=tmp_path / "out" / "a", files=False)
     assert first == alone
     assert Path(second.mesh.path) == tmp_path / "x.obj"
     assert Path(first.mesh.path) == tmp_path / "looks" / "head.obj"
@@ -166,6 +166,7 @@ def test_names_must_differ_and_there_must_be_some(batch):
     assert "jobs[0].name: missing" in faults(batch(head + "jobs: [{texture: {size: 8}}]\n"))[0]
     with pytest.raises(InputError, match="expected a configuration file"):
         load_batch("none.yaml")
+    assert "expected defaults, jobs or a matrix, this is a look: use `skinbake bake`" in faults(batch(LOOK))[0]
 
 
 def test_the_project_s_batch_is_valid():

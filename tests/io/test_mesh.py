@@ -198,7 +198,19 @@ BAD = {
     "no uvs": ("v 0 0 0\nv 200 0 0\nv 0 200 0\nf 1 2 3\n", "set texture.unwrap: xatlas"),
     "nan": (TENT.replace("v 200 0 50", "v nan 0 50"), "NaN or Inf, the first at index"),
     "inf uv": (TENT.replace("vt 0.6 1", "vt inf 1"), "expected finite UVs"),
-    "index": (TENT + "f 1/1/1 2/2/1 99/3/1\n", "not a mesh that can be read"),
+    "vertex 99": (
+        TENT + "f 1/1/1 2/2/1 99/3/1\n",
+        "bad.obj:20: f: expected a vertex from 1 to 6, or from -6 to -1, got 99",
+    ),
+    "vertex 0": (
+        TENT + "f 1/1/1 2/2/2 0/3/1\n",
+        "bad.obj:20: f: expected a vertex from 1 to 6, or from -6 to -1, got 0",
+    ),
+    "uv 0": (TENT + "f 1/1/1 2/0/1 3/3/1\n", "bad.obj:20: f: expected a UV from 1 to 8, or from -8 to -1, got 0"),
+    "uv far out": (TENT + "f 1/1/1 2/-99999999/1 3/3/1\n", "bad.obj:20: f: expected a UV from 1 to 8"),
+    "normal 0": (TENT + "f 1/1/1 2/2/1 3/3/0", "bad.obj:20: f: expected a normal from 1 to 2, or from -2 to -1, got 0"),
+    "normal -3": (TENT + "f 1/1/-3 2/2/1 3/3/1\n", "bad.obj:20: f: expected a normal from 1 to 2"),
+    "bare index 0": ("v 0 0 0\nv 9 0 0\nv 0 9 0\nf 0 1 2\n", "bad.obj:4: f: expected a vertex from 1 to 3"),
 }
 
 

@@ -13,6 +13,12 @@ def test_reads_by_header(tmp_path):
     assert rgb.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
+def test_a_dip_below_zero_passes(tmp_path):
+    """Models have them far out; only a total below 0 is none."""
+    (tmp_path / "p.csv").write_text("r_mm,R,G,B\n0,1,1,1\n1,1,-1e-6,0\n2,0,0,0\n")
+    assert read_profile_csv(tmp_path / "p.csv")[1].min() == -1e-6
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -24,6 +30,7 @@ def test_reads_by_header(tmp_path):
         ("r_mm,R,G,B\n2,2,3,4\n1,2,3,4\n", r"p\.csv:3: r_mm: expected ascending values >= 0, got 1"),
         ("r_mm,R,G,B\n-1,2,3,4\n", "got -1"),
         ("r_mm,R,G,B\n1,2,3,4\n", "at least two rows, got 1"),
+        ("# x\nr_mm,R,G,B\n0,1,1,1\n\n1,1,-9,0\n", r"p\.csv:5: G: expected a profile whose total is not negative"),
     ],
 )
 def test_faults_name_file_and_line(tmp_path, text, message):

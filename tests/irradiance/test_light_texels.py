@@ -37,6 +37,21 @@ def test_a_quad_gets_the_cosine(degrees):
     np.testing.assert_allclose(result.rgb[0], np.broadcast_to(expected, (48, 64, 3)), atol=1e-6)
 
 
+def test_a_light_that_no_skin_gets_is_told_of():
+    """A sun from behind a quad is; one that lights it is not; nor one that lights one of two tiles."""
+    sheets = joined(quad(uv_box=(0, 0, 1, 1)), quad(uv_box=(1, 0, 2, 1)))
+    atlas = rasterize(sheets, (32, 32), udim=True)
+    lights = [sun(0, 0, 1).model_copy(update={"name": "behind"}), sun(0, 0, -1)]
+    for tile in light_texels(atlas, sheets, SkinMaps(), lights, shadows=False):
+        assert [(name, line.kept) for name, lines in tile.plan.items() for line in lines] == [("behind", False)]
+    half = PointLight(name="near", type="point", position_mm=(30, 0, 5), intensity=(1, 1, 1))
+    corner = joined(quad(uv_box=(0, 0, 1, 1)), quad(uv_box=(1, 0, 2, 1), z_mm=10))
+    (first, second) = light_texels(rasterize(corner, (32, 32), udim=True), corner, SkinMaps(), [half], shadows=False)
+    assert first.rgb.any()
+    assert not second.rgb.any()
+    assert not first.plan
+
+
 @pytest.mark.parametrize("layout", ["latlong", "cube"])
 def test_without_shadows_it_is_the_clamped_cosine(layout):
     """On a sphere, shadows off, E is clamp(N.L) of the interpolated normal computed apart, to 1e-6."""

@@ -51,7 +51,8 @@ def write_bake(folder: Path, lights="separate", precision="half", energy=True) -
         if lights == "separate":
             parts += [Part(f"light.{n}", rgb_channels(rgb[k])) for k, n in enumerate(names)]
         write_parts(out / f"lobe_{i}.exr", parts, precision=precision)
-        lobes.append({"file": f"lobe_{i}.exr", "variance_mm2": variance, "weight_rgb": weight, "method": "texture"})
+        entry = {"file": f"lobe_{i}.exr", "variance_mm2": variance, "weight_rgb": weight}
+        lobes.append(entry | {"size": [48 >> i, 32 >> i], "method": "texture"})
     manifest = {
         "config": portable_config(spec, out),
         "irradiance": ["irradiance.exr"],

@@ -1,11 +1,14 @@
 """Named views show what their names say, whole, from outside."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from skinbake.errors import InputError
 from skinbake.preview.camera import ANGLES, VIEWS, Camera, turntable, view
 from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import View
 from tests.shapes import joined, quad, sphere
 
 
@@ -36,6 +39,10 @@ def test_a_turntable_holds_a_long_head_in_every_frame_at_one_distance(aspect):
     assert max(frames) > 0.85
     assert len({camera.distance_mm for camera in cameras}) == 1
     assert len({camera.azimuth_deg for camera in cameras}) == 7
+
+
+def test_a_look_may_ask_for_every_view_and_no_other():
+    assert set(get_args(View)) == set(VIEWS)
 
 
 def test_left_is_the_heads_own_left_and_front_its_face():
