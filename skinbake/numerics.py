@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import gcd
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -38,6 +40,15 @@ def normalized(vectors: ArrayLike) -> Float:
     """Vectors of shape (..., 3) scaled to length 1; a zero vector stays zero."""
     vectors = np.asarray(vectors, dtype=np.float64)
     return safe_div(vectors, np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def even_stride(count: int) -> int:
+    """Step with which 0, s, 2 s, ... modulo `count` visits all once, neighbours far apart.
+
+    Threads take consecutive turns: dealt out so, each gets its share of what takes long, wherever that lies.
+    """
+    golden = (5**0.5 - 1) / 2 * count
+    return min((s for s in range(1, max(count, 1) + 1) if gcd(s, count) == 1), key=lambda s: abs(s - golden))
 
 
 def gaussian_2d(variance_mm2: ArrayLike, radius_mm: ArrayLike) -> Float:

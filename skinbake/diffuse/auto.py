@@ -195,7 +195,7 @@ class _Judge:
         return self._relative(second + LUCK * float(np.sqrt(fourth / self.verifying)))
 
     def _moments(self, error: Float) -> tuple[float, float]:
-        square = (error * error).sum(axis=1)
+        square = np.einsum("pc,pc->p", error, error)
         if not len(square):
             return 0.0, 0.0
         return float(np.mean(self.weight * square)), float(np.mean(self.weight * square * square))
@@ -224,10 +224,8 @@ def _search(options: list[list[Candidate]], weight_rgb: Float, judge: _Judge, li
                     continue
                 changed = total + (candidate.read - lobe[chosen[i]].read) * weights[i]
                 error = judge.unlucky_rms(changed)
-                if error > limit or judge.peaks(changed) > peaks:
-                    continue
                 gain = saved / max(error**2 - here**2, 1e-12)
-                if best is None or gain > best[0]:
+                if error <= limit and (best is None or gain > best[0]) and judge.peaks(changed) <= peaks:
                     best = (gain, i, k, changed)
         if best is None:
             return chosen

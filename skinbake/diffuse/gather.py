@@ -6,8 +6,6 @@ the result depends neither on the number of threads nor on the width of the mach
 
 from __future__ import annotations
 
-from math import gcd
-
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -42,6 +40,7 @@ from skinbake.diffuse.sources import (
     sources_around,
     tree_node,
 )
+from skinbake.numerics import even_stride
 
 CUT_ERROR = 0.1  # measured: normalised sums cut at k sigma are wrong by this exp(-k^2 / 2), rms of hard-lit skin
 _CUT_SHARE = 0.1  # of the tolerance
@@ -95,13 +94,11 @@ def gather(
         How much the sum counts against what `out` held, in steps of 1 / 255; at 0 there is none.
     """
     strips = -(-points.row.shape[0] // _TILE)
-    # Threads take consecutive strips, and a head leaves the texture's borders empty: strips are dealt out evenly
-    stride = next(s for s in range(int(0.618 * strips) + 1, 2 * strips + 2) if gcd(s, strips) == 1)
     density = 0.0 if normalise else 1 / (2 * np.pi * variance_mm2)
     _gather(
-        strips, stride, points.row, points.flat_index, points.position, points.normal, points.texel_mm2, tree.leaf,
-        tree.box, tree.first_group, variance_mm2, lattice_table(),
-        np.float32(cut), separate, np.float32(_TINY * (tree.largest or 1.0)), np.float32(density), first_light,
+        strips, even_stride(strips), points.row, points.flat_index, points.position, points.normal, points.texel_mm2,
+        tree.leaf, tree.box, tree.first_group, variance_mm2, lattice_table(), np.float32(cut),
+        separate, np.float32(_TINY * (tree.largest or 1.0)), np.float32(density), first_light,
         np.empty((0, 0), np.uint8) if share is None else share, out,
     )  # fmt: skip
 

@@ -24,9 +24,10 @@ from skinbake.diffuse.sources import (
     opposite_sources,
     tree_node,
 )
-from skinbake.numerics import Float
+from skinbake.numerics import Float, even_stride
 
 CUT_SIGMA = 6.0
+_PIECE = 16  # points
 _AHEAD = 8  # of them are on their way from memory
 _LEAVES = 32  # whose weights are computed side by side
 _ROUNDING = 1 + 1e-4  # of the search's float32: what lies just within the cut is never missed
@@ -72,13 +73,19 @@ def reference_integral(
 
 
 def _spatial_order(position: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Rows of points along a Z-curve: what one point has loaded, the next one finds in the processor's caches."""
+    """Rows of points along a Z-curve: what one point has loaded, the next one finds in the processor's caches.
+
+    Pieces of the curve are dealt out, or one thread would get the half of the skin that lies close together.
+    """
     low, high = position.min(axis=0, initial=np.inf), position.max(axis=0, initial=-np.inf)
     cell = ((position - low) * (1023 / max(float((high - low).max(initial=0)), 1e-9))).astype(np.int64)
     place = np.zeros(len(position), np.int64)
     for bit in range(10):
         place |= ((cell >> bit & 1) << (3 * bit + np.arange(3))).sum(axis=1)
-    return np.argsort(place, kind="stable")
+    order = np.argsort(place, kind="stable")
+    pieces = -(-len(order) // _PIECE)
+    turns = np.arange(pieces) * even_stride(pieces) % max(pieces, 1) * _PIECE
+    return np.concatenate([order[start : start + _PIECE] for start in turns]) if pieces else order
 
 
 @njit(cache=True, parallel=True)
