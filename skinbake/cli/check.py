@@ -146,7 +146,11 @@ def stored_level(variance_mm2: float, texel_mm2: float, tolerance: float) -> int
 
 def readable(report: dict[str, Any]) -> str:
     """The report for a terminal."""
+    from skinbake.diffuse.memory import physical_memory_bytes
+
     mesh, uv, cost = report["mesh"], report["uv"], report["expected"]
+    there_mib = physical_memory_bytes() // 2**20
+    too_little = f" (this machine has {there_mib})" if cost["memory_mib"] > there_mib else ""
     low, middle, high = uv["mm_per_texel_5_50_95"]
     lines = [
         f"mesh      {' x '.join(f'{x:.0f}' for x in mesh['extent_mm'])} mm, {mesh['area_mm2'] / 100:.0f} cm2,"
@@ -163,7 +167,7 @@ def readable(report: dict[str, Any]) -> str:
         if sizes:
             lines.append(f"{name:<9} " + ", ".join(f"{w} x {h}" for w, h in sizes))
     lines.append(
-        f"expected  about {cost['memory_mib']} MiB, {cost['seconds']} s on two cores,"
+        f"expected  about {cost['memory_mib']} MiB{too_little}, {cost['seconds']} s on two cores,"
         f" irradiance {cost['irradiance_mib']} MiB, lobes {cost['lobes_mib']} MiB"
     )
     lines += [f"picture   {path}" for path in report.get("pictures", [])]

@@ -39,6 +39,11 @@ def memory_needed_bytes(
     return int(texels * per_texel)
 
 
+def physical_memory_bytes() -> int:
+    """What this machine has."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
 def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, method: str) -> None:
     """Refuse early what this machine cannot hold.
 
@@ -48,7 +53,7 @@ def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, met
         With the memory it would need and what to change.
     """
     needed = memory_needed_bytes(size, lights, tiles, lobes, method)
-    there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    there = physical_memory_bytes()
     if needed > there:
         raise MachineError(
             f"diffusion of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about "

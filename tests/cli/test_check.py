@@ -61,6 +61,14 @@ def test_a_texture_that_no_machine_holds_is_refused_before_it_is_rasterised(tmp_
     assert "4096 x 4096 texels" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("mib", "said"), [(100, "MiB (this machine has 100), "), (10**6, "MiB, ")])
+def test_memory_beyond_the_machine_s_is_marked(tmp_path, capsys, monkeypatch, mib, said):
+    """A bake of the smallest texture takes some hundreds of megabytes."""
+    monkeypatch.setattr("os.sysconf", lambda name: mib * 256 if "PAGES" in name else 4096)
+    assert run(["check", look(tmp_path, quad(240.0, 120.0))]) == 0
+    assert said in capsys.readouterr().out.splitlines()[-1]
+
+
 def test_overlaps_spoil_a_bake_and_are_pictured(tmp_path, capsys):
     """Two charts on one place: exit 2, both counted, red in the picture."""
     from skinbake.io.image import read_map
