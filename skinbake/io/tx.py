@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,7 @@ from skinbake.io.atomic import atomic_write
 from skinbake.io.exr import Part, read_attributes, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
 
+TILE, HEADER_BYTES = 64, 1 << 16  # texels of the library's tiles along a side; more than a header takes
 NO_DATE = "1970:01:01 00:00:00"  # the library stamps the time otherwise: the same bake would give other bytes
 
 
@@ -36,6 +40,8 @@ def write_tx(exr: Path, coverage: NDArray[np.floating] | None = None) -> list[Pa
     ------
     InputError
         The file is none of ours.
+    MachineError
+        Disk full.
     """
     written = []
     for name, part in read_parts(exr).items():
@@ -75,6 +81,18 @@ def _known(rgb: NDArray[np.float32], coverage: NDArray[np.floating] | None) -> N
     return known
 
 
+def _refuse_full(path: Path, size: tuple[int, ...], value_bytes: int) -> None:
+    """The library waits for ever where the disk is full: there must be room for all levels, uncompressed."""
+    texels, height, width = 0, size[0], size[1]
+    while True:
+        texels += -(-height // TILE) * -(-width // TILE) * TILE**2
+        if height == width == 1:
+            break
+        height, width = max(1, height // 2), max(1, width // 2)
+    if shutil.disk_usage(path.parent).free < 3 * value_bytes * texels + HEADER_BYTES:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+
 def _write(path: Path, part: Part, known: NDArray[np.bool_]) -> None:
     import OpenImageIO as oiio
 
@@ -96,5 +114,6 @@ def _write(path: Path, part: Part, known: NDArray[np.bool_]) -> None:
     how.attribute("wrapmodes", "clamp,clamp")
     how.set_format("half" if half else "float")
     with atomic_write(path) as temporary:
+        _refuse_full(path, known.shape, 2 if half else 4)
         if not oiio.ImageBufAlgo.make_texture(oiio.MakeTxTexture, filled, str(temporary), how):
             raise OSError(f"{path}: {oiio.geterror()}")

@@ -1,12 +1,13 @@
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from skinbake.errors import InputError
+from skinbake.errors import InputError, MachineError
 from skinbake.io.exr import Part, read_parts, rgb_channels, write_parts
-from skinbake.io.tx import is_current, tx_path, write_tx
+from skinbake.io.tx import HEADER_BYTES, is_current, tx_path, write_tx
 
 HEIGHT, WIDTH = 37, 53
 
@@ -30,6 +31,19 @@ def levels(path):
         spec = source.spec()
         found.append((spec.width, spec.height, spec.tile_width, source.read_image(0, len(found), 0, 3, "float")))
     return found
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+def test_a_disk_that_may_fill_up_is_refused(exr, monkeypatch, missing):
+    """The library would wait for ever. 37 x 53 texels are one tile at each of six levels."""
+    free = 6 * 64**2 * 3 * 2 + HEADER_BYTES - missing
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=free))
+    if missing:
+        with pytest.raises(MachineError, match="the disk is full"):
+            write_tx(exr)
+        assert sorted(path.name for path in exr.parent.iterdir()) == ["lobe_0.exr"]
+    else:
+        assert len(write_tx(exr)) == 2
 
 
 def test_tiles_and_mip_levels_hold_the_same_light(exr):
