@@ -110,6 +110,8 @@ def diffuse(
         if squeezed > 0:
             why = f"{squeezed:.2%} of the skin has no texture to speak of: not judged"
             lines.append(PlanLine("squeezed skin", False, why))
+    if not spec.normalise:
+        lines += _classical_lines(diffuser, gaussians)
     arrives = _area_sum(diffuser.source, points)
     met = error is None or error.rms <= spec.tolerance
     return DiffuseMap(
@@ -132,6 +134,20 @@ def diffuse(
         tolerance_met=met,
         advice="" if met or error is None else _advice(spec, error, precision),
     )
+
+
+def _classical_lines(diffuser: Diffuser, gaussians: GaussianSum) -> list[PlanLine]:
+    """Sums that are not normalised take a texel for a point: for a lobe that is narrower, one of its own weight."""
+    texel_mm = float(np.sqrt(diffuser.surface.mean_texel_mm2))
+    narrow = [i for i, v in enumerate(gaussians.variance_mm2) if 0 < v < 0.5 * texel_mm**2]
+    if not narrow:
+        return []
+    why = (
+        f"lobes {', '.join(map(str, narrow))} are narrower than a texel of {texel_mm:.2g} mm: where texels are oblong "
+        "they come out up to several times too bright, and the measured error does not show it; raise texture.size, or "
+        "set diffusion.normalise to true"
+    )
+    return [PlanLine("classical integral", False, why)]
 
 
 def _make(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.diffuse.gather import gather
-from skinbake.diffuse.points import TexelPoints, copy_gutter
+from skinbake.diffuse.points import TexelPoints
 from skinbake.diffuse.probes import Probes, bilinear_texels, read_bilinear
 from skinbake.diffuse.reference import reference_integral
 from skinbake.diffuse.stretch import area_mean, stretch_blur, texel_covariance
@@ -199,9 +199,7 @@ class Diffuser(Workbench):
         coarse = self._surface_map(variance_mm2, level + 1, spacing) if halve else None
         tiles = []
         for k, points in enumerate(self.targets(level)):
-            image = np.zeros((self.lights, *points.row.shape, 3), np.float32)
-            if level == 0:  # what lies too far beside its chart to be reached keeps its light
-                copy_gutter(points, self.source[k].reshape(self.lights, -1, 3), image.reshape(self.lights, -1, 3))
+            image = self._unreached(k, level)
             if coarse is not None:
                 sigma = float(np.sqrt(variance_mm2))
                 points = replace(
@@ -211,6 +209,14 @@ class Diffuser(Workbench):
             gather(points, sources, variance_mm2, self.cut, self.spec.separate, self.spec.normalise, flat)
             tiles.append(image)
         return tiles
+
+    def _unreached(self, tile: int, level: int) -> NDArray[np.float32]:
+        """What stands where sums find no skin: at the full size a texel that its lobe is too narrow for, or too far
+        beside its chart, keeps its light.
+        """
+        if level == 0:
+            return self.source[tile].copy()
+        return np.zeros((self.lights, *self.targets(level)[tile].row.shape, 3), np.float32)
 
     def _texel_sums(self, variance_mm2: float, spacing: float, points: TexelPoints, row: NDArray[np.int32]) -> Float:
         """Surface sums at some rows of a size's points, (P, 3 L)."""
@@ -235,9 +241,11 @@ class Diffuser(Workbench):
 
     def _reference_map(self, variance_mm2: float, level: int) -> Tiles:
         tiles = []
-        for points in self.targets(level):
-            flat = np.zeros((self.lights, points.row.size, 3), np.float32)
+        for k, points in enumerate(self.targets(level)):
+            image = self._unreached(k, level)
             found = self._integral(variance_mm2, points.position, points.normal, points.texel_mm2)
-            flat[:, points.flat_index] = found.reshape(len(found), self.lights, 3).transpose(1, 0, 2)
-            tiles.append(flat.reshape(self.lights, *points.row.shape, 3))
+            reached = np.flatnonzero(found.any(axis=1))
+            values = found[reached].reshape(len(reached), self.lights, 3).transpose(1, 0, 2)
+            image.reshape(self.lights, -1, 3)[:, points.flat_index[reached]] = values
+            tiles.append(image)
         return tiles

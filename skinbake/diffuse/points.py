@@ -95,20 +95,6 @@ def _face_texel_mm2(raster: AtlasRaster, mesh: SkinMesh) -> Float:
     return safe_div(mesh.face_area_mm2, np.abs(signed_uv_area(mesh)) * width * height)
 
 
-def copy_gutter(points: TexelPoints, light: NDArray[np.float32], out: NDArray[np.float32]) -> None:
-    """Light of the texels without skin of their own, both (L, H * W, 3)."""
-    _copy_gutter(points.flat_index, points.area_mm2, light, out)
-
-
-@njit(cache=True, parallel=True)
-def _copy_gutter(flat_index, area, light, out):  # type: ignore[no-untyped-def]
-    for k in prange(len(flat_index)):
-        if area[k] <= 0:
-            for each in range(len(light)):
-                for c in range(3):
-                    out[each, flat_index[k], c] = light[each, flat_index[k], c]
-
-
 def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
     """Smaller eigenvalue of each face's metric in texels, mm^2, shape (F,)."""
     e, f, h = (first_fundamental_form(mesh) / np.array([width**2, width * height, height**2])).T

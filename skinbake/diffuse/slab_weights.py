@@ -73,7 +73,11 @@ def slab_weights(gaussians: GaussianSum, reflectance_rgb: Float) -> SlabWeights:
     unscattered light pass ("ballistic"): closest to Monte Carlo at a millimetre, and monotone in the thickness.
     """
     medium = effective_medium(gaussians, reflectance_rgb)
-    return fit_slabs(gaussians, medium, boundary_factor(ETA))
+    weights = fit_slabs(gaussians, medium, boundary_factor(ETA))
+    # A white profile is the medium's over its reflectance, which for a dark one lets many times the light through;
+    # painted with a lighter albedo that would shine. No more leaves than arrives
+    total = weights.weight_rgb.sum(axis=1, keepdims=True)
+    return SlabWeights(weights.thickness_mm, weights.weight_rgb / np.maximum(total, 1))
 
 
 def fit_slabs(gaussians: GaussianSum, medium: Medium, boundary: float) -> SlabWeights:

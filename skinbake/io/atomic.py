@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -55,6 +56,23 @@ def explained(path: Path) -> Iterator[None]:
         if error.errno in (errno.ENOTDIR, errno.EEXIST, errno.EISDIR):
             raise InputError(f"{path}: expected a folder, got a file in the way ({error.strerror})") from error
         raise
+
+
+def system_error(temporary: Path, said: str) -> OSError:
+    """The system's error behind what a library said when it could not write a file.
+
+    Parameters
+    ----------
+    temporary : Path
+        Of `atomic_write`.
+    """
+    try:
+        with open(temporary, "ab"):
+            pass
+    except OSError as error:
+        return error
+    full = os.strerror(errno.ENOSPC) in said or shutil.disk_usage(temporary.parent).free < 1 << 16
+    return OSError(errno.ENOSPC if full else errno.EIO, said or os.strerror(errno.EIO))
 
 
 def write_text(path: Path | str, text: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
-from skinbake.io.atomic import atomic_write
+from skinbake.io.atomic import atomic_write, system_error
 
 HALF_FAINT = (
     1.0 / 64
@@ -59,7 +59,9 @@ def write_parts(
     Raises
     ------
     InputError
-        A value is NaN or infinite; the message names part, channel and texel.
+        A value is NaN or infinite; the message names part, channel and texel. The folder cannot be written to.
+    MachineError
+        Disk full.
     """
     import numba
     import OpenEXR
@@ -80,7 +82,10 @@ def write_parts(
     threads = numba.get_num_threads()
     OpenEXR.set_global_thread_count(threads if threads > 1 else 0)  # one would only be waited for
     with atomic_write(path) as temporary:
-        OpenEXR.File(made).write(str(temporary))
+        try:
+            OpenEXR.File(made).write(str(temporary))
+        except RuntimeError as error:
+            raise system_error(temporary, str(error)) from error
 
 
 def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], precision: str) -> dict[str, NDArray[Any]]:

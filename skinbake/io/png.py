@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
-from skinbake.io.atomic import atomic_write
+from skinbake.io.atomic import atomic_write, system_error
+
+_LAST_CHUNK = b"IEND\xaeB`\x82"
 
 
 def write_png(path: Path | str, rgb: NDArray[np.uint8]) -> None:
@@ -36,7 +38,8 @@ def write_png(path: Path | str, rgb: NDArray[np.uint8]) -> None:
     with atomic_write(path) as temporary:
         output = oiio.ImageOutput.create(str(temporary))
         if output is None or not output.open(str(temporary), spec):
-            raise OSError(f"PNG: {oiio.geterror()}")
+            raise system_error(temporary, oiio.geterror())
         written = output.write_image(np.ascontiguousarray(rgb))
-        if not (output.close() and written):
-            raise OSError(f"PNG: {output.geterror()}")
+        # The library does not notice a disk that is full: then the last chunk is missing
+        if not (output.close() and written) or not temporary.read_bytes().endswith(_LAST_CHUNK):
+            raise system_error(temporary, output.geterror())

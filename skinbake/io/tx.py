@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
-from skinbake.io.atomic import atomic_write
+from skinbake.io.atomic import atomic_write, system_error
 from skinbake.io.exr import Part, read_attributes, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
 
@@ -116,4 +116,4 @@ def _write(path: Path, part: Part, known: NDArray[np.bool_]) -> None:
     with atomic_write(path) as temporary:
         _refuse_full(path, known.shape, 2 if half else 4)
         if not oiio.ImageBufAlgo.make_texture(oiio.MakeTxTexture, filled, str(temporary), how):
-            raise OSError(f"{path}: {oiio.geterror()}")
+            raise system_error(temporary, oiio.geterror())

@@ -11,12 +11,14 @@ import subprocess
 import sys
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 
-from skinbake.errors import InputError
-from skinbake.io.exr import read_parts
+from skinbake.errors import InputError, MachineError
+from skinbake.io.exr import Part, read_parts, rgb_channels, write_parts
 from skinbake.io.manifest import read_manifest
 from skinbake.io.mesh import write_obj
+from skinbake.io.png import write_png
 from tests.conftest import ROOT
 from tests.shapes import relief
 
@@ -169,6 +171,27 @@ def test_a_full_disk_is_told_and_survived(bakes, kib):
         subprocess.run(["mount", "-o", "remount,size=8m", str(disk)], check=True)
         assert bakes(out=disk / "out")["code"] == 0
         assert contents(disk / "out") == contents(alone)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="mounts a tmpfs")
+@pytest.mark.parametrize("name", ["noise.exr", "noise.png"])
+def test_a_disk_that_fills_up_in_the_middle_of_a_file_is_told(tmp_path, name):
+    """Libraries have errors of their own for it; read-only, the same; nothing stays."""
+    noise = np.random.default_rng(0).random((256, 256, 3), dtype=np.float32)
+
+    def write():
+        if name.endswith("exr"):
+            write_parts(tmp_path / "disk" / name, [Part("", rgb_channels(noise))])
+        else:
+            write_png(tmp_path / "disk" / name, (255 * noise).astype(np.uint8))
+
+    with mounted(tmp_path / "disk", "size=60k"):
+        with pytest.raises(MachineError, match=f"{name}: the disk is full"):
+            write()
+        assert not list((tmp_path / "disk").iterdir())
+        subprocess.run(["mount", "-o", "remount,ro", str(tmp_path / "disk")], check=True)
+        with pytest.raises(InputError, match="a folder that can be written to"):
+            write()
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="mounts a tmpfs")

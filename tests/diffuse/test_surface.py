@@ -15,6 +15,7 @@ from skinbake.diffuse.reference import reference_integral
 from skinbake.diffuse.separate import passes
 from skinbake.diffuse.sources import AMPLITUDE, LIGHT, NORMAL
 from skinbake.diffuse.surface import surface_blur, surface_light
+from skinbake.io.mesh import read_mesh
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
 from tests.diffuse.exact import brute_force
@@ -243,3 +244,13 @@ def test_extended_gutter_points_continue_the_plane():
     points = extended_points(texel_points(atlas[0], mesh, np.zeros(3)), atlas[0], mesh, np.zeros(3))
     row = points.position[points.row[25, 8:41]]
     np.testing.assert_allclose(np.diff(row[1:-1, 0]), 100 / 30, rtol=0.02)
+
+
+@pytest.mark.parametrize("method", ["surface", "reference"])
+def test_no_texel_of_a_scan_stays_dark_in_constant_light(lee_perry_smith, method):
+    """Not even one at an eyelid whose centre lies so far beside its chart that the narrowest lobe finds no skin."""
+    mesh = read_mesh(str(lee_perry_smith / "head.obj"), 50.35)
+    atlas = rasterize(mesh, (512, 512))
+    light = np.where(atlas[0].addressed[None, ..., None], np.float32(0.7), np.float32(0)).repeat(3, axis=3)
+    image = Diffuser([light], atlas, mesh, DiffusionSpec()).map(method, 0.0064, 0, 0.8)[0]
+    np.testing.assert_allclose(image[0][atlas[0].addressed], 0.7, rtol=1e-5)

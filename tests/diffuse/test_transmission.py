@@ -92,6 +92,18 @@ def test_weights_are_positive_and_fall_with_thickness():
     assert (np.diff(weights.weight_rgb.sum(axis=1), axis=0) <= 1e-9).all()
 
 
+def test_no_more_comes_through_than_arrives():
+    """However dark the medium that a white profile is of, or thin; transmittance below one is left alone."""
+    dark = slab_weights(gaussians(), np.array([0.02, 0.05, 0.5])).weight_rgb.sum(axis=1)
+    assert dark.max() <= 1 + 1e-12
+    assert dark[0, 0] == pytest.approx(1)
+    profile = gaussians()
+    whole = fit_slabs(profile, effective_medium(profile, np.full(3, 0.5)), boundary_factor(1.4)).weight_rgb
+    below = (whole.sum(axis=1) <= 1).all(axis=1)
+    assert 20 < np.count_nonzero(below) < len(below)
+    np.testing.assert_array_equal(slab_weights(profile, np.full(3, 0.5)).weight_rgb[below], whole[below])
+
+
 @pytest.mark.parametrize("method", ["texture", "surface"])
 def test_a_lit_slab_glows_with_its_transmittance(method):
     """The dark side of a 3 mm slab gets T(3 mm) of the light below, less what a surface lobe already carries."""
