@@ -1,4 +1,4 @@
-"""How many millimetres of skin a step in UV or across a texel is; THEORY (5.3), (5.5)."""
+"""How many millimetres of skin a step in UV or across a texel is; theory.md 5.3, 5.5."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One-dimensional Gaussian kernels on a grid, exact in variance for any width; THEORY section 5.4."""
+"""One-dimensional Gaussian kernels on a grid, exact in variance for any width; theory.md 5.6."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WIDE_T = 1e4  # above this the Bessel form and the sampled Gaussian differ by l
 
 
 def discrete_gaussian(t: float, tail: float = TAIL) -> Float:
-    """T(n; t) = exp(-t) I_n(t) for n = 0 ... R: positive, symmetric, sum 1, variance t; THEORY (5.6).
+    """T(n; t) = exp(-t) I_n(t) for n = 0 ... R: positive, symmetric, sum 1, variance t; theory.md 5.6.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def discrete_gaussian(t: float, tail: float = TAIL) -> Float:
 
 
 def sampled_gaussian(t: float, offset: float = 0.0, tail: float = TAIL) -> tuple[int, Float]:
-    """Gaussian of variance t sampled at `first + k - offset`, normalised; wants t >= 0.6 (THEORY 5.4).
+    """Gaussian of variance t sampled at `first + k - offset`, normalised; wants t >= 0.6 (theory.md 5.6).
 
     Returns
     -------

@@ -30,7 +30,7 @@ def masked_light(light, coverage, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, parallel=True)
 def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out, mass):  # type: ignore[no-untyped-def]
-    """K[M E] / K[M] of an image of premultiplied light and mask; THEORY (5.7).
+    """K[M E] / K[M] of an image of premultiplied light and mask; theory.md 5.7.
 
     Parameters
     ----------

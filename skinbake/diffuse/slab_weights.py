@@ -1,7 +1,7 @@
 """How much of each blurred texture of the lit side comes through a thickness of skin.
 
-The published form reuses the reflectance profile, exp(-d^2 / 2v) for each Gaussian (THEORY 7.3), and is 2 to 3.5 times
-too dark. Here the transmittance of the slab itself is fitted with the Gaussians that are at hand.
+The published form reuses the reflectance profile, exp(-d^2 / 2v) for each Gaussian (theory.md 7.3), and is 2 to 3.5
+times too dark. Here the transmittance of the slab itself is fitted with the Gaussians that are at hand.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class SlabWeights:
 def effective_medium(gaussians: GaussianSum, reflectance_rgb: Float) -> Medium:
     """Homogeneous medium with a given reflectance and with the mean square radius of a profile.
 
-    The dipole's albedo follows from its reflectance (THEORY 2.3); its second moment, from (2.6), then sets the scale.
+    The dipole's albedo follows from its reflectance (theory.md 2.3); its second moment, from 2.6, then sets the scale.
     """
     boundary = boundary_factor(ETA)
     sigma_a, sigma_sp = np.zeros(3), np.zeros(3)

@@ -1,8 +1,8 @@
 """Method `stretch`: texture space with each texel's own metric, so that a millimetre is a millimetre along the chart.
 
-A round Gaussian on the skin is, to first order, the ellipse v (J^T J)^-1 in UV, shear included; THEORY (5.5). The
-metric is averaged at UV vertices and interpolated, so that triangle edges do not show. Weights are areas, THEORY
-(5.4), so light is summed per mm^2 of skin. Charts do not see one another, distance is along the chart: seams and bends
+A round Gaussian on the skin is, to first order, the ellipse v (J^T J)^-1 in UV, shear included; theory.md 5.5. The
+metric is averaged at UV vertices and interpolated, so that triangle edges do not show. Weights are areas, theory.md
+5.4, so light is summed per mm^2 of skin. Charts do not see one another, distance is along the chart: seams and bends
 remain wrong.
 """
 

@@ -3,7 +3,7 @@
 It knows nothing of stretch, seams and tiles, and costs the same for every width: a wide lobe is blurred, and stored,
 at the level of a pyramid where it is a few texels wide. Variances add, so each level's prefilter is taken off the blur
 that remains; fourth cumulants add too, so that a coarse level still gives the kernel that the full texture would have
-used: the discrete Gaussian, THEORY (5.6).
+used: the discrete Gaussian, theory.md 5.6.
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ def _ascend(child: NDArray[np.int64], b1: Float, b2: Float, levels: int) -> tupl
 
 
 def _without_counted(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> SlabWeights:
-    """Take off what lobes summed over the surface in space already carry through a slab, THEORY (7.2)."""
+    """Take off what lobes summed over the surface in space already carry through a slab, theory.md 7.2."""
     taken = weights.weight_rgb.copy()
     for i, lobe in enumerate(diffused.lobes):
         if lobe.method in ("hybrid", "surface", "reference") and lobe.variance_mm2 > 0:

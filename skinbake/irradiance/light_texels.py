@@ -56,7 +56,7 @@ def light_texels(
     specular : SpecularSpec
         The oil layer, used with `energy_conservation`.
     energy_conservation : bool
-        Multiplies by rho_dt(N.L, m), the share that the oil layer lets through; THEORY (7.1).
+        Multiplies by rho_dt(N.L, m), the share that the oil layer lets through; theory.md 7.1.
     environments : mapping of light name to ndarray of shape (h, w, 3)
         Radiance maps of the environment lights that have a path.
     seed : int

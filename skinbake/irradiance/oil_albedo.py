@@ -19,7 +19,7 @@ _TAIL = 6.5  # exp(-6.5^2) = 4e-19
 
 
 def integrate_specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, nodes: int = 32) -> Float:
-    """A(c, m) of THEORY (6.5) for rho_s = 1, split by Fresnel.
+    """A(c, m) of theory.md 6.5 for rho_s = 1, split by Fresnel.
 
     Schlick's F = f0 (1 - q) + q with q = (1 - V.H)^5 is linear in f0, so two numbers serve every f0:
     A = f0 * result[..., 0] + result[..., 1], and A for F = 1 is their sum.
@@ -151,7 +151,7 @@ def specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 
 def transmitted_share(
     cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 36, strength: ArrayLike = ENERGY_TRUE_STRENGTH
 ) -> Float:
-    """rho_dt = 1 - rho_s A(c, m), the share of light that passes the oil, clamped to 0 ... 1 (THEORY 6.4).
+    """rho_dt = 1 - rho_s A(c, m), the share of light that passes the oil, clamped to 0 ... 1 (theory.md 6.4).
 
     Only for `strength` above `ENERGY_TRUE_STRENGTH` can the clamp bite: near grazing the layer then reflects more than
     it gets.

@@ -1,7 +1,7 @@
 """The oil layer: Kelemen/Szirmay-Kalos specular over a Beckmann distribution, and the light that it lets through.
 
 `roughness` is Beckmann m, `strength` is rho_s. The distribution carries no 1/pi, so `ENERGY_TRUE_STRENGTH` = 1/pi is
-the strength that conserves energy and rho_s = 1 reflects pi times too much (THEORY 6.1).
+the strength that conserves energy and rho_s = 1 reflects pi times too much (theory.md 6.1).
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from skinbake.numerics import Float, normalized, sqr
 
 ENERGY_TRUE_STRENGTH = 1 / np.pi
 ROUGHNESS_MIN = 1e-4
-HALF_SQUARED_MIN = 1e-6  # h.h reaches 0 only for L = -V, both grazing (THEORY 6.4)
+HALF_SQUARED_MIN = 1e-6  # h.h reaches 0 only for L = -V, both grazing (theory.md 6.7)
 
 
 def beckmann(n_dot_h: ArrayLike, roughness: ArrayLike) -> Float:
-    """P_H of THEORY (6.2), without 1/pi: its integral against N.H over the hemisphere is pi.
+    """P_H of theory.md 6.2, without 1/pi: its integral against N.H over the hemisphere is pi.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def beckmann(n_dot_h: ArrayLike, roughness: ArrayLike) -> Float:
 
 
 def _beckmann_of_sine(sine_squared: Float, n_dot_h: Float, roughness: ArrayLike) -> Float:
-    """Log form of (6.2): as N.H -> 0 the exponent wins over the fourth power, where the product would be 0 * inf."""
+    """P_H by logarithms, theory.md 6.7: as N.H -> 0 the exponent wins, where the product would be 0 * inf."""
     m = np.maximum(np.asarray(roughness, dtype=np.float64), ROUGHNESS_MIN)
     facing = n_dot_h > 0
     safe = np.where(facing, n_dot_h, 1.0)
@@ -40,7 +40,7 @@ def _beckmann_of_sine(sine_squared: Float, n_dot_h: Float, roughness: ArrayLike)
 
 
 def fresnel_schlick(v_dot_h: ArrayLike, f0: ArrayLike) -> Float:
-    """F of THEORY (6.3); 1 - V.H is clamped, for V.H may pass 1 by an ulp [Schlick1994]."""
+    """F of theory.md 6.3; 1 - V.H is clamped, for V.H may pass 1 by an ulp [Schlick1994]."""
     f0 = np.asarray(f0, dtype=np.float64)
     return f0 + (1 - f0) * np.clip(1 - np.asarray(v_dot_h, dtype=np.float64), 0.0, 1.0) ** 5
 
@@ -62,7 +62,7 @@ def kelemen_brdf(
     f0: ArrayLike = 1 / 36,
     strength: ArrayLike = ENERGY_TRUE_STRENGTH,
 ) -> Float:
-    """Specular BRDF f, 1/sr, in the stable form of THEORY (6.7).
+    """Specular BRDF f, 1/sr, in the stable form of theory.md 6.7.
 
     Parameters
     ----------

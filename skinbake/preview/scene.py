@@ -51,7 +51,7 @@ class PreviewScene:
     maps : SkinMaps
     texturing, specular : as in the look
     energy_conservation : bool
-        Whether the irradiance lost what the oil reflects; the way out then loses it as well, THEORY (7.1).
+        Whether the irradiance lost what the oil reflects; the way out then loses it as well, theory.md 7.1.
     separate : bool
         False where the bake stored all lights summed: lobes then have one layer, and lights no gains of their own.
     """

@@ -11,7 +11,7 @@ from skinbake.numerics import Float
 
 
 def albedo_inversion(reflectance: ArrayLike, fit: Literal["chiang", "wrenninge"] = "chiang") -> Float:
-    """Single-scattering albedo of an isotropic random walk whose surface reflects `reflectance`; THEORY section 8.
+    """Single-scattering albedo of an isotropic random walk whose surface reflects `reflectance`; theory.md 8.5.
 
     Parameters
     ----------

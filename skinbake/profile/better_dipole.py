@@ -14,7 +14,7 @@ from skinbake.profile.slab import Array, per_channel
 
 @dataclass(frozen=True)
 class BetterDipole:
-    """THEORY (2.5); arrays of shape (C,).
+    """theory.md 2.5; arrays of shape (C,).
 
     References
     ----------

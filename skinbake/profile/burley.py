@@ -15,7 +15,7 @@ SMALLEST_U = 2.0**-24  # a radius of about 49 d; u = 0 would be infinite
 
 
 def burley_reflectance(d_mm: Float, albedo: Float, radius_mm: Float) -> Float:
-    """R(r), mm^-2, shape (C, N), for r > 0; THEORY (8.1). It has no value at 0, where `burley_disc_mean` is stored.
+    """R(r), mm^-2, shape (C, N), for r > 0; theory.md 8.1. It has no value at 0, where `burley_disc_mean` is stored.
 
     References
     ----------
@@ -43,7 +43,7 @@ def burley_hankel(d_mm: Float, albedo: Float, s_per_mm: Float) -> Float:
 
 
 def burley_radius(d_mm: ArrayLike, share: ArrayLike) -> Float:
-    """Radius that holds `share` of the light, the analytic inverse (8.3) of the CDF.
+    """Radius that holds `share` of the light, the analytic inverse (theory.md 8.3) of the CDF.
 
     References
     ----------
@@ -55,7 +55,7 @@ def burley_radius(d_mm: ArrayLike, share: ArrayLike) -> Float:
 
 
 def burley_shape(albedo: ArrayLike, kind: PathKind = "searchlight") -> Float:
-    """s(A) of (8.2): d is the mean free path over s.
+    """s(A) of theory.md 8.2: d is the mean free path over s.
 
     Parameters
     ----------

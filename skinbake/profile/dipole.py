@@ -9,7 +9,7 @@ from skinbake.profile.medium import Medium
 
 
 def dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Float:
-    """R(r), mm^-2, shape (C, N); THEORY (2.1). Both terms are positive, nothing cancels.
+    """R(r), mm^-2, shape (C, N); theory.md 2.1. Both terms are positive, nothing cancels.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Flo
 
 
 def log_dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Float:
-    """ln R(r), finite where R itself underflows, shape (C, N); THEORY (2.4)."""
+    """ln R(r), finite where R itself underflows, shape (C, N); theory.md 2.4."""
     sigma_tr = medium.sigma_tr_per_mm[:, None]
     terms = []
     for depth in _source_heights(medium, boundary):
@@ -42,14 +42,14 @@ def log_dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) ->
 
 
 def dipole_total(medium: Medium, boundary: float) -> Float:
-    """R_d, shape (C,); THEORY (2.2)."""
+    """R_d, shape (C,); theory.md 2.2."""
     real, mirrored = _source_heights(medium, boundary)
     sigma_tr = medium.sigma_tr_per_mm
     return medium.albedo / 2 * (np.exp(-sigma_tr * real) + np.exp(-sigma_tr * mirrored))
 
 
 def albedo_of_total(total: float, boundary: float) -> float:
-    """alpha' at which the dipole reflects `total`; inverse of (2.2).
+    """alpha' at which the dipole reflects `total`; inverse of theory.md 2.2.
 
     Parameters
     ----------
@@ -76,6 +76,6 @@ def albedo_of_total(total: float, boundary: float) -> float:
 
 
 def _source_heights(medium: Medium, boundary: float) -> tuple[Float, Float]:
-    """z_r and z_r + 2 z_b, (1.5)."""
+    """z_r and z_r + 2 z_b, mm, shape (C,); theory.md 1.5."""
     real = medium.free_path_mm
     return real, real + 2 * medium.extrapolation_mm(boundary)

@@ -52,7 +52,7 @@ def fit_gaussians(profile: DiffusionProfile, fit: FitSpec, normalise: str = "whi
 
 
 def fit_report(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white") -> FitReport:
-    """Fit Gaussians of shared variances by the r-weighted relative error, THEORY (4.2).
+    """Fit Gaussians of shared variances by the r-weighted relative error, theory.md 4.2.
 
     Parameters
     ----------

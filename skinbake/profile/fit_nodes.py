@@ -1,4 +1,4 @@
-"""Where a fit looks at a profile: nodes on which the r-weighted norm of THEORY (4.2) is a plain sum of squares."""
+"""Where a fit looks at a profile: nodes on which the r-weighted norm of theory.md 4.2 is a plain sum of squares."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class FitReport:
 
     @property
     def relative_error_rgb(self) -> Float:
-        """r-weighted relative error (4.2) before normalisation, shape (3,)."""
+        """r-weighted relative error (theory.md 4.2) before normalisation, shape (3,)."""
         return self.gaussians.relative_error_rgb
 
     @property
@@ -65,7 +65,7 @@ class FitReport:
 
     @property
     def condition_number(self) -> float:
-        """Of the Gram matrix (4.4) of Gaussians scaled to unit norm: how far weights can trade places."""
+        """Condition number of the scaled Gram matrix, theory.md 4.4: how far weights can trade places."""
         v = self.gaussians.variance_mm2[self.gaussians.variance_mm2 > 0]
         if v.size == 0:
             return 1.0

@@ -12,7 +12,7 @@ ETA_MAX = 3.0  # the polynomial was fitted to tissue and glass; A grows without 
 
 
 def diffuse_reflectance_polynomial(eta: float) -> float:
-    """F_dr by the published polynomials, THEORY (1.6) and (1.7); exactly 0 at eta = 1, where no polynomial is.
+    """F_dr by the published polynomials, theory.md 1.6 and 1.7; exactly 0 at eta = 1, where no polynomial is.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def diffuse_reflectance_polynomial(eta: float) -> float:
 
 
 def fresnel_moments(eta: float) -> tuple[float, float]:
-    """2 C1 (which is F_dr) and 3 C2 of unpolarised Fresnel reflection, by quadrature; THEORY (1.8) to (1.10).
+    """2 C1 (which is F_dr) and 3 C2 of unpolarised Fresnel reflection, by quadrature; theory.md 1.8 to 1.10.
 
     With the cosines on the dense and thin side written as c cosh(q) and n c sinh(q), c the critical cosine, the
     s-polarised amplitude is exp(-2q) and all is smooth in q: no cancellation near eta = 1, unlike the closed form.
@@ -56,7 +56,7 @@ def fresnel_moments(eta: float) -> tuple[float, float]:
 
 
 def boundary_factor(eta: float, method: BoundaryMethod = "polynomial") -> float:
-    """A of THEORY (1.5) or (1.11): how much farther out the flux extrapolates because the face reflects.
+    """A of theory.md 1.5 or 1.11: how much farther out the flux extrapolates because the face reflects.
 
     Parameters
     ----------

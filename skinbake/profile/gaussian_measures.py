@@ -38,7 +38,7 @@ def rms_radius_mm(gaussians: GaussianSum) -> Float:
 
 
 def line_spread(gaussians: GaussianSum, distance_mm: ArrayLike) -> Float:
-    """Light at a distance from a thin line, 1/mm, shape (N, 3); THEORY (8.4): R integrated along the line.
+    """Light at a distance from a thin line, 1/mm, shape (N, 3); theory.md 8.4: R integrated along the line.
 
     Exact for light that varies across the line alone; as one factor of a separable kernel it is wrong by 12 to 53 %.
 

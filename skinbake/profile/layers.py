@@ -44,7 +44,7 @@ def without_empty(layers: Sequence[Layer]) -> tuple[Layer, ...]:
 def stack_response(
     layers: Sequence[Layer], s_per_mm: Array, boundary: BoundaryMethod = "polynomial", thin: ThinLayers = "guarded"
 ) -> tuple[Array, Array]:
-    """Reflection and transmission of a stack lit from above, THEORY (3.7), each of shape (C, ...).
+    """Reflection and transmission of a stack lit from above, theory.md 3.7, each of shape (C, ...).
 
     The indices of neighbours set the boundary factors of both their faces; above and below is air.
 
@@ -79,7 +79,7 @@ def stack_response(
         if reflected is None:
             reflected, transmitted, loss = this.down_r, this.down_t, this.down_loss
             continue
-        # 1 - R1 R2 without subtraction (3.8): all between the two is what escapes at each turn
+        # 1 - R1 R2 without subtraction, theory.md 3.8: all between the two is what escapes at each turn
         between = this.up_loss + this.up_r * loss
         transmitted = this.down_t * transmitted / between
         reflected = this.down_r + this.down_t * reflected * this.up_t / between

@@ -12,7 +12,7 @@ from skinbake.numerics import Float
 
 @dataclass(frozen=True)
 class Medium:
-    """Absorption and reduced scattering per channel; THEORY section 1.
+    """Absorption and reduced scattering per channel; theory.md 1.1 to 1.5.
 
     Attributes
     ----------
@@ -41,12 +41,12 @@ class Medium:
 
     @cached_property
     def sigma_tp_per_mm(self) -> Float:
-        """Reduced extinction sigma_t', (1.1)."""
+        """Reduced extinction sigma_t'; theory.md 1.1."""
         return self.sigma_a_per_mm + self.sigma_sp_per_mm
 
     @cached_property
     def albedo(self) -> Float:
-        """alpha' = sigma_s' / sigma_t', (1.2)."""
+        """alpha' = sigma_s' / sigma_t'; theory.md 1.2."""
         return self.sigma_sp_per_mm / self.sigma_tp_per_mm
 
     @cached_property
@@ -56,12 +56,12 @@ class Medium:
 
     @cached_property
     def diffusion_mm(self) -> Float:
-        """D = 1 / (3 sigma_t'), (1.3)."""
+        """D = 1 / (3 sigma_t'); theory.md 1.3."""
         return 1 / (3 * self.sigma_tp_per_mm)
 
     @cached_property
     def sigma_tr_per_mm(self) -> Float:
-        """Effective transport coefficient, (1.4)."""
+        """Effective transport coefficient; theory.md 1.4."""
         return np.sqrt(3 * self.sigma_a_per_mm) * np.sqrt(self.sigma_tp_per_mm)
 
     @cached_property
@@ -70,5 +70,5 @@ class Medium:
         return 1 / self.sigma_tp_per_mm
 
     def extrapolation_mm(self, boundary: float) -> Float:
-        """z_b = 2 A D, (1.5)."""
+        """z_b = 2 A D; theory.md 1.5."""
         return 2 * boundary * self.diffusion_mm

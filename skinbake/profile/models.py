@@ -37,16 +37,16 @@ class DipoleProfile(SpectralProfile):
         return boundary_factor(self.eta, self.boundary)
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
-        """R(r) by THEORY (2.1)."""
+        """R(r) by theory.md 2.1."""
         return dipole_reflectance(self.medium, self.factor, as_radii(radius_mm)).T
 
     @property
     def total_reflectance(self) -> Float:
-        """R_d by THEORY (2.2)."""
+        """R_d by theory.md 2.2."""
         return dipole_total(self.medium, self.factor)
 
     def hankel(self, s_per_mm: Float) -> Float:
-        """R~(s) by THEORY (2.6)."""
+        """R~(s) by theory.md 2.6."""
         return half_space(self.medium, self.factor, s_per_mm[None])[0].T
 
     @property
@@ -63,11 +63,11 @@ class BetterDipoleProfile(SpectralProfile):
     model: str = "dipole"
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
-        """R(r) by THEORY (2.5)."""
+        """R(r) by theory.md 2.5."""
         return self.dipole.reflectance(as_radii(radius_mm)).T
 
     def hankel(self, s_per_mm: Float) -> Float:
-        """R~(s), whose value at 0 is the total of (2.5)."""
+        """R~(s), whose value at 0 is the total of theory.md 2.5."""
         return self.dipole.hankel(s_per_mm[None]).T
 
     @property
@@ -100,7 +100,7 @@ class LayeredProfile(SpectralProfile):
         return stack_response(self.layers, s_per_mm, self.boundary, self.thin_layers)
 
     def hankel(self, s_per_mm: Float) -> Float:
-        """R~(s) by THEORY (3.5) and (3.7)."""
+        """R~(s) by theory.md 3.5 and 3.7."""
         return (self.to_rgb @ self._response(s_per_mm[None])[0]).T
 
     @property
@@ -167,7 +167,7 @@ class BurleyProfile(SpectralProfile):
         return float(np.min(self.d_mm)) / 20
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
-        """R(r) by THEORY (8.1)."""
+        """R(r) by theory.md 8.1."""
         radius = as_radii(radius_mm)
         at_zero = burley_disc_mean(self.d_mm, self.albedo, self.footprint_mm)
         elsewhere = burley_reflectance(self.d_mm, self.albedo, np.where(radius > 0, radius, 1.0)).T

@@ -12,7 +12,7 @@ from skinbake.scene.skin import PhysiologySkin
 
 
 def epidermis_scattering_per_mm(wavelength_nm: Float) -> Float:
-    """Reduced scattering of the epidermis, 1/mm (once misread as 1/cm); the dermis has half of it. THEORY (3.9)."""
+    """Reduced scattering of the epidermis, 1/mm (once misread as 1/cm); the dermis has half of it. theory.md 3.9."""
     return 14.74 * wavelength_nm**-0.22 + 2.2e11 * wavelength_nm**-4.0
 
 

@@ -45,7 +45,7 @@ def per_channel(value: Array, like: Array) -> Array:
 def slab(
     medium: Medium, thickness_mm: float, top: float, bottom: float, s_per_mm: Array, thin: ThinLayers = "guarded"
 ) -> Response:
-    """Response of a slab, THEORY (3.5), (3.6) and (3.8): exact sum of infinitely many dipoles, free of overflow.
+    """Response of a slab, theory.md 3.5, 3.6 and 3.8: exact sum of infinitely many dipoles, free of overflow.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def slab(
         share_before = np.where(still, before / length, sinh_before / divisor)
         reflected = albedo * (1 - scaled_sinh(zb_near)) * share_remaining * to_source
         transmitted = albedo * (1 - scaled_sinh(zb_far)) * share_before * to_face
-        # 1 - R as a sum of positive terms (3.8)
+        # 1 - R as a sum of positive terms, theory.md 3.8
         escaping = share_before * (1 - sinh_remaining)
         escaping = escaping + 2 * share_remaining * scaled_sinh(zb_near + source / 2) * half_source
         return reflected, transmitted, absorbed + albedo * escaping
@@ -98,7 +98,7 @@ def slab(
     if thin != "continued":
         crossing = per_channel(unscattered(medium, thickness_mm, thin), g)
         scattered = 1 - crossing
-        # Light from below is diffuse: of what crosses, the upper face throws back F_dr, (1.5) solved for it
+        # Light from below is diffuse: of what crosses, the upper face throws back F_dr: theory.md 1.5 solved for it
         back = (top - 1) / (top + 1)
         down_r, up_r = scattered * down_r, crossing * back + scattered * up_r
         down_t, up_t = crossing + scattered * down_t, crossing * (1 - back) + scattered * up_t
@@ -125,7 +125,7 @@ def sharp_transmittance(medium: Medium, thickness_mm: float, thin: ThinLayers) -
 
 
 def half_space(medium: Medium, top: float, s_per_mm: Array) -> tuple[Array, Array]:
-    """R and 1 - R of a semi-infinite medium, THEORY (2.6) and (2.4), shape (C, ...).
+    """R and 1 - R of a semi-infinite medium, theory.md 2.6 and 2.4, shape (C, ...).
 
     References
     ----------

@@ -13,7 +13,7 @@ from skinbake.profile.fit_nodes import FitNodes
 from skinbake.profile.starts import dense_fit, merged
 from skinbake.profile.weights import best_weights, zero_sum_basis
 
-# Consecutive variances stay this far apart: closer ones make the scaled Gram matrix singular, THEORY 4.3
+# Consecutive variances stay this far apart: closer ones make the scaled Gram matrix singular, theory.md 4.4
 MIN_RATIO = 2.0
 MIN_RATIO_SIGNED = 1.25
 SHARE_RANGE = (1e-4, 0.99)  # shares of the light under a window exp(-r^2 / 2v) that bound the variances
@@ -26,7 +26,7 @@ WALL = 10.0  # residual for each e-fold beyond the range, against fit residuals 
 
 @dataclass(frozen=True)
 class Projection:
-    """Variances, their best weights, and the relative error (4.2) of each channel."""
+    """Variances, their best weights, and the relative error (theory.md 4.2) of each channel."""
 
     variance_mm2: Float  # (K,)
     weight: Float  # (K, C)

@@ -110,7 +110,7 @@ class TexturingSpec(Strict):
 
     @property
     def exponent_before(self) -> float:
-        """x of THEORY (5.1): albedo^x multiplies the irradiance before the blur, albedo^(1-x) after it."""
+        """x of theory.md 5.1: albedo^x multiplies the irradiance before the blur, albedo^(1-x) after it."""
         return {"pre-scatter": 1.0, "post-scatter": 0.0, "mix": self.mix}[self.mode]
 
 

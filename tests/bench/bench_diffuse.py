@@ -27,7 +27,7 @@ from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
 
-# The six Gaussians of GPU Gems 3, chapter 14, mm^2 and RGB; THEORY section 4.1
+# The six Gaussians of GPU Gems 3, chapter 14, mm^2 and RGB; theory.md 4.7
 VARIANCE_MM2 = np.array([0.0064, 0.0484, 0.187, 0.567, 1.99, 7.41])
 WEIGHT_RGB = np.array(
     [

@@ -23,7 +23,7 @@ def _moments(half):
 
 
 def test_discrete_gaussian_equals_the_theory_s_test_vector():
-    """T(n; 0.09) of THEORY section 11."""
+    """T(n; 0.09) of theory.md 5.6."""
     np.testing.assert_allclose(
         discrete_gaussian(0.09)[:4], [0.9157828331, 0.0411685584, 9.2598010e-4, 1.3887e-5], rtol=1e-4
     )

@@ -87,7 +87,7 @@ def test_what_lies_in_the_gutter_does_not_bleed():
 
 
 def test_without_coverage_in_reach_the_fallback_stands():
-    """THEORY (5.7): K[M] = 0 keeps E."""
+    """theory.md 5.7: K[M] = 0 keeps E."""
     light = np.full((1, 9, 60, 3), 2.0, np.float32)
     coverage = np.zeros((9, 60), np.float32)
     coverage[:, :5] = 1

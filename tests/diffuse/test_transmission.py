@@ -59,7 +59,7 @@ def lit_below(mesh, profile, size, light=(3.0, 2.0, 1.0), method="texture"):
     ("thickness", "published", "monte_carlo"), [(2, 0.222, 0.494), (4, 0.105, 0.279), (8, 0.027, 0.095)]
 )
 def test_the_slab_s_total_is_the_multipole_s_and_near_transport(thickness, published, monte_carlo):
-    """Skin1 red, n = 1.3: T(d) of THEORY 7 to 1 %, within 10 % of Monte Carlo; the published form is 2 x too dark."""
+    """Skin1 red, n = 1.3: T(d) of theory.md 3.5 to 1 %, within 10 % of Monte Carlo; the published form gives half."""
     medium = Medium(np.full(3, 0.032), np.full(3, 0.74))
     boundary = boundary_factor(1.3)
     reflected, _ = half_space(medium, boundary, np.zeros((1, 1)))

@@ -293,7 +293,7 @@ def test_the_oil_takes_its_share():
 
 
 def test_oil_under_an_environment_is_the_mean_share():
-    """In a constant environment the factor is 1 - rho_s 2 int A c dc, THEORY 6.3's last row."""
+    """In a constant environment the factor is 1 - rho_s 2 int A c dc, theory.md 6.4."""
     light = EnvironmentLight(name="sky", type="environment", radiance=(1, 1, 1), samples=1024)
     spec = SpecularSpec(f0=1 / 36, roughness=0.3, strength=ENERGY_TRUE_STRENGTH)
     raster, result = light_one(sphere(50.0, "cube", 32), light, (48, 32), specular=spec, energy_conservation=True)

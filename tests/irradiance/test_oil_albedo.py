@@ -20,7 +20,7 @@ VECTORS = Path(__file__).parents[2].parent / "shared" / "test_vectors.json"
 
 @pytest.mark.parametrize(("c", "m"), [(1.0, 0.3), (0.7, 0.5), (0.31, 0.25), (0.1, 0.6)])
 def test_albedo_is_the_hemisphere_integral_of_the_brdf(c, m):
-    x, w = np.polynomial.legendre.leggauss(300)  # THEORY (6.4), a route without half vectors
+    x, w = np.polynomial.legendre.leggauss(300)  # theory.md 6.4, a route without half vectors
     theta, w = (x[:, None] + 1) * np.pi / 4, w[:, None] * np.pi / 4
     phi = np.arange(256) * 2 * np.pi / 256
     light = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi], -1)

@@ -21,7 +21,7 @@ def annulus_nodes():
 
 
 def exact_norm():
-    """sqrt(int r R^2 dr) by the closed Gram matrix (4.4)."""
+    """sqrt(int r R^2 dr) by the closed Gram matrix of theory.md 4.4."""
     return np.sqrt(WEIGHT @ (1 / (4 * np.pi**2 * (VARIANCE[:, None] + VARIANCE))) @ WEIGHT)
 
 

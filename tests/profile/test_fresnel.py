@@ -15,7 +15,7 @@ def fresnel(eta, mu):
 
 
 def closed_form(n):
-    """THEORY (1.8): diffuse reflectance from the thin side."""
+    """theory.md 1.8: diffuse reflectance from the thin side."""
     m = n * n
     return (
         0.5

@@ -16,7 +16,7 @@ def one(sigma_a, sigma_sp):
 
 
 def dipole_pairs(m, d, top, bottom, pairs):
-    """Totals of THEORY (3.2), every dipole summed; q(z) integrates to sgn(z) exp(-sigma_tr |z|) / 2 (times 4 pi)."""
+    """Totals of theory.md 3.2, every dipole summed; q(z) integrates to sgn(z) exp(-sigma_tr |z|) / 2 (times 4 pi)."""
     zb, zd, length = m.extrapolation_mm(top)[0], m.extrapolation_mm(bottom)[0], m.free_path_mm[0]
     i = np.arange(-pairs, pairs + 1)
     period = 2 * i * (d + zb + zd)

@@ -24,7 +24,7 @@ def dipole_nodes(sigma_a, sigma_sp, eta):
 
 
 def closed_products(medium, boundary, variance):
-    """<R, G> and <R, R> of a dipole by THEORY (4.5) and (4.6)."""
+    """<R, G> and <R, R> of a dipole by theory.md 4.5 and 4.6."""
     real = medium.free_path_mm[0]
     z = np.array([real, real + 2 * medium.extrapolation_mm(boundary)[0]])
     k, albedo = medium.sigma_tr_per_mm[0], medium.albedo[0]
@@ -35,7 +35,7 @@ def closed_products(medium, boundary, variance):
     return with_gaussian, albedo**2 / (16 * np.pi**2) * np.sum(np.exp(-both * k) * (k / both + 1 / both**2))
 
 
-# THEORY 4.2, %: k = 1 .. 6, free and with the energy forced
+# theory.md 4.2, %: k = 1 .. 6, free and with the energy forced
 PUBLISHED = {
     ("marble green", False): (26.6, 9.56, 3.26, 1.254, 0.486, 0.197),
     ("marble green", True): (58.5, 13.0, 4.17, 1.501, 0.561, 0.221),

@@ -18,7 +18,7 @@ DECLARE_LOBES
 uniform vec3 lobe_weight[N_LOBES];
 uniform vec3 layer_gain[N_LAYERS];   // of each stored light's diffuse part
 uniform vec3 total_weight;
-uniform float albedo_exponent_after; // THEORY (5.1): 1 - x
+uniform float albedo_exponent_after; // theory.md 5.1: 1 - x
 uniform sampler2DArray irradiance;
 uniform sampler2DArray visibility;
 uniform sampler2DArray albedo;
@@ -72,7 +72,7 @@ float soften(float cos_mapped, float cos_smooth, float cos_between)
     return g >= 1.0 ? 1.0 : g * (1.0 + g * (1.0 - g));
 }
 
-// A(c, m) for rho_s = 1, THEORY (6.4)
+// A(c, m) for rho_s = 1, theory.md 6.4
 float specular_albedo(float c, float m)
 {
     vec2 size = vec2(textureSize(oil_albedo, 0).xy);
@@ -81,7 +81,7 @@ float specular_albedo(float c, float m)
     return f0 * split.r + split.g;
 }
 
-// Kelemen/Szirmay-Kalos in log form, THEORY (6.7), for rho_s = 1
+// Kelemen/Szirmay-Kalos in log form, theory.md 6.7, for rho_s = 1
 float oil_brdf(vec3 n, vec3 l, vec3 v, float m)
 {
     vec3 h = l + v;
@@ -145,7 +145,7 @@ void main()
 #endif
 #endif
 #ifdef ENERGY_CONSERVATION
-    exitance *= 1.0 - reflected;  // THEORY (7.1)
+    exitance *= 1.0 - reflected;  // theory.md 7.1
 #endif
     color += exitance / PI;
 #endif
