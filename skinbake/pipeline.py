@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, rasterize, sample_map
 from skinbake.diffuse import DiffuseMap, diffuse
-from skinbake.diffuse.diffuse_map import PlanLine
+from skinbake.diffuse.diffuse_map import Decision
+from skinbake.diffuse.memoize import Memoize
 from skinbake.diffuse.memory import check_memory
-from skinbake.diffuse.remember import Remember
-from skinbake.diffuse.transmission import transmit
+from skinbake.diffuse.terms.transmission import transmit
 from skinbake.irradiance import IrradianceMap, light_texels
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
@@ -121,7 +121,7 @@ def scatter(
     irradiance: tuple[IrradianceMap, ...],
     gaussians: GaussianSum,
     say: Say | None = None,
-    remember: Remember | None = None,
+    remember: Memoize | None = None,
 ) -> DiffuseMap:
     """Lobes of irradiance times albedo^x, x = 1 for pre-scatter texturing, and light through thin parts."""
     names, light = irradiance[0].lights, {tile.tile: tile.rgb for tile in irradiance}
@@ -177,16 +177,16 @@ def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> NDArray[np
     return np.maximum(sample_map(raster, mesh, maps.albedo, maps.albedo_rgb), 0)
 
 
-def energy_conservation(spec: SceneSpec) -> PlanLine:
+def energy_conservation(spec: SceneSpec) -> Decision:
     """Whether the oil layer's share is taken off the light that enters, and the share that decides `auto`."""
     share = float(spec.specular.strength * mean_specular_albedo(spec.specular.roughness, spec.specular.f0))
     wanted = spec.terms.energy_conservation
     kept = share > spec.diffusion.tolerance if wanted == "auto" else wanted == "on"
     reason = f"the oil layer reflects {share:.2%} of diffuse light"
-    return PlanLine("energy_conservation", kept, f"{wanted}: {reason}, tolerance {spec.diffusion.tolerance:.2%}")
+    return Decision("energy_conservation", kept, f"{wanted}: {reason}, tolerance {spec.diffusion.tolerance:.2%}")
 
 
-def plan_of(spec: SceneSpec, irradiance: tuple[IrradianceMap, ...], diffused: DiffuseMap) -> tuple[PlanLine, ...]:
+def plan_of(spec: SceneSpec, irradiance: tuple[IrradianceMap, ...], diffused: DiffuseMap) -> tuple[Decision, ...]:
     """Every decision of a bake, in the order of its stages."""
     first = irradiance[0]
     lights = tuple(line for name in first.lights for line in first.plan.get(name, ()))

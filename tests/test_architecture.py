@@ -11,6 +11,7 @@ from tests.conftest import ROOT
 ORDER = [
     "errors",
     "numerics",
+    "kernels",
     "scene",
     "profile",
     "atlas",

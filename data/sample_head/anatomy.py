@@ -6,7 +6,7 @@ Parts are written for the left half (x > 0) and mirrored; `head_field` adds the 
 
 import numpy as np
 
-from sample_head.clay import (
+from sample_head.sdf_primitives import (
     add_ellipsoid,
     add_tube,
     along,

@@ -5,7 +5,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from sample_head.anatomy import EAR_OUTLINE, NECK_CUT_Y, ear_body, ear_frame, ear_shell, polygon_distance
-from sample_head.clay import smooth_max, smoothstep
+from sample_head.sdf_primitives import smooth_max, smoothstep
 
 HEAD, CAP, EAR_FRONT, EAR_BACK = 0, 1, 2, 4  # ears: + 1 on the head's right side
 EAR_COLLAR = 3.0  # mm

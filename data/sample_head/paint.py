@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from sample_head import anatomy
 from sample_head.charts import ear_value
-from sample_head.clay import near_curve, smoothstep, spline_points
+from sample_head.sdf_primitives import near_curve, smoothstep, spline_points
 
 LATTICE = 96
 

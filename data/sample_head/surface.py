@@ -4,7 +4,7 @@ import fast_simplification
 import numpy as np
 from skimage.measure import marching_cubes
 
-from sample_head.tidy import collapse_short, drop_pillows, flip_edges, spread
+from sample_head.remesh import collapse_short, drop_pillows, flip_edges, spread
 
 LOW, HIGH = np.array([-100.0, -30.0, -106.0]), np.array([100.0, 236.0, 126.0])
 

@@ -52,7 +52,7 @@ def chart_edges(mesh: SkinMesh, uv_area: Float) -> NDArray[np.int64]:
 
 
 @njit(cache=True, parallel=True, nogil=True)
-def reach(
+def nearest_chart_points(
     corner_xy: Float,
     edges: NDArray[np.int64],
     start: NDArray[np.int64],

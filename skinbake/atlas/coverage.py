@@ -78,7 +78,7 @@ def _twice_area(poly: Float, n: int) -> float:
 
 
 @njit(cache=True, parallel=True, nogil=True)
-def cover(
+def rasterize_coverage(
     corner_xy: Float,
     mm2_per_texel: Float,
     start: NDArray[np.int64],

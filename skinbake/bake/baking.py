@@ -12,10 +12,10 @@ import skinbake
 from skinbake import pipeline
 from skinbake.bake.keys import preview_key
 from skinbake.bake.machine import peak_memory_mib
-from skinbake.bake.stages import Stages
-from skinbake.bake.still import Easel, render, scene_of, stand_in_of
-from skinbake.bake.workshop import Workshop
-from skinbake.diffuse import DiffuseMap, PlanLine
+from skinbake.bake.preview_worker import PreviewWorker, render, scene_of, stand_in_of
+from skinbake.bake.session import BakeSession
+from skinbake.bake.stage_runner import StageRunner
+from skinbake.diffuse import Decision, DiffuseMap
 from skinbake.errors import InputError, ToleranceMissedError
 from skinbake.io.atomic import write_text
 from skinbake.io.fingerprint import sha256_of
@@ -23,7 +23,7 @@ from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name
 from skinbake.io.manifest import portable_config, write_manifest
 from skinbake.irradiance import IrradianceMap
-from skinbake.preview.draw import Studio
+from skinbake.preview.draw import OffscreenRenderer
 from skinbake.profile import GaussianSum
 from skinbake.scene.spec import SceneSpec
 
@@ -35,7 +35,7 @@ def bake_look(
     force: bool = False,
     preview: bool = True,
     verbosity: int = 1,
-    workshop: Workshop | None = None,
+    session: BakeSession | None = None,
 ) -> dict[str, Any]:
     """Bake a look into `spec.output.dir` and give its manifest.
 
@@ -47,19 +47,19 @@ def bake_look(
         Everything is written, but the measured error is above `diffusion.tolerance`.
     """
     start = time.perf_counter()
-    stages = Stages(spec, force, verbosity, workshop)
+    stages = StageRunner(spec, force, verbosity, session)
     stages.say(f"baking into {stages.out}")
     stages.refuse_spoilt()
     with stages.locked():
         gaussians = stages.profile()
-        with Easel() as easel:
+        with PreviewWorker() as preview_worker:
             if preview:
-                _prepare(easel, stages, gaussians)
+                _prepare(preview_worker, stages, gaussians)
             irradiance = stages.irradiance()
             result = stages.diffuse(gaussians, irradiance, stages.light_keys)
             try:
                 if preview and _in_memory(result):
-                    _draw(stages, gaussians, lambda: _draw_held(easel, stages, irradiance, result))
+                    _draw(stages, gaussians, lambda: _draw_held(preview_worker, stages, irradiance, result))
             finally:  # what was baked is whole, also without a picture
                 stages.finish_writing()
                 textures = stages.textures(irradiance, result) if spec.output.tx else []
@@ -77,7 +77,7 @@ def bake_look(
     return manifest
 
 
-def put_manifest(stages: Stages, manifest: dict[str, Any]) -> None:
+def put_manifest(stages: StageRunner, manifest: dict[str, Any]) -> None:
     """Write bake.json. Its seconds and memory are those that it took to make what is in the folder, over several runs.
 
     A stage that was taken as it was keeps its seconds, and `total` is those and what else this run took; where nothing
@@ -108,16 +108,16 @@ def _in_memory(result: DiffuseMap) -> bool:
     return all(len(rgb) for lobe in result.lobes for rgb in lobe.rgb.values())
 
 
-def _prepare(easel: Easel, stages: Stages, gaussians: GaussianSum) -> None:
+def _prepare(preview_worker: PreviewWorker, stages: StageRunner, gaussians: GaussianSum) -> None:
     """Make ready for a picture, if lobes will be computed and one is to be drawn of them."""
     lobes = stages.diffuse_key(gaussians, stages.light_keys)
     if stages.kept_lobes(lobes) is None and not _is_current(stages, _key(stages, gaussians)):
         through = stages.spec.terms.transmission != "off"  # likely: a lobe more
         count = len(gaussians.variance_mm2) + through
-        easel.prepare(stand_in_of(stages.spec, stages.scene, stages.tiles, count), stages.spec.preview)
+        preview_worker.prepare(stand_in_of(stages.spec, stages.scene, stages.tiles, count), stages.spec.preview)
 
 
-def _draw(stages: Stages, gaussians: GaussianSum, draw: Callable[[], None]) -> None:
+def _draw(stages: StageRunner, gaussians: GaussianSum, draw: Callable[[], None]) -> None:
     """preview.png, unless it shows what is in the folder."""
     key = _key(stages, gaussians)
     picture, note = stages.out / PREVIEW, stages.out / PREVIEW_KEY
@@ -129,26 +129,28 @@ def _draw(stages: Stages, gaussians: GaussianSum, draw: Callable[[], None]) -> N
             write_text(note, f"{key} {sha256_of(picture)}\n")
 
 
-def _key(stages: Stages, gaussians: GaussianSum) -> str:
+def _key(stages: StageRunner, gaussians: GaussianSum) -> str:
     return preview_key(stages.spec, stages.inputs, stages.diffuse_key(gaussians, stages.light_keys))
 
 
-def _is_current(stages: Stages, key: str) -> bool:
+def _is_current(stages: StageRunner, key: str) -> bool:
     return not stages.force and preview_is_current(stages.out, key)
 
 
-def _draw_held(easel: Easel, stages: Stages, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap) -> None:
+def _draw_held(
+    preview_worker: PreviewWorker, stages: StageRunner, irradiance: tuple[IrradianceMap, ...], result: DiffuseMap
+) -> None:
     """From memory, while the files are written; the same picture."""
     scene = scene_of(stages.spec, stages.scene, irradiance, result)
     stages.let_go()
-    easel.draw(scene, stages.spec.preview, stages.out)
+    preview_worker.draw(scene, stages.spec.preview, stages.out)
 
 
-def _render_folder(stages: Stages) -> None:
+def _render_folder(stages: StageRunner) -> None:
     from skinbake.io.bake_folder import read_bake_folder
 
-    with Studio(read_bake_folder(stages.out, summed=True).scene) as studio:
-        render(studio, stages.spec.preview, stages.out)
+    with OffscreenRenderer(read_bake_folder(stages.out, summed=True).scene) as renderer:
+        render(renderer, stages.spec.preview, stages.out)
 
 
 def preview_is_current(folder: Path, key: str) -> bool:
@@ -160,7 +162,7 @@ def preview_is_current(folder: Path, key: str) -> bool:
 
 
 def manifest_of(
-    stages: Stages, gaussians: GaussianSum, result: DiffuseMap, plan: tuple[PlanLine, ...], lights: tuple[str, ...]
+    stages: StageRunner, gaussians: GaussianSum, result: DiffuseMap, plan: tuple[Decision, ...], lights: tuple[str, ...]
 ) -> dict[str, Any]:
     """What bake.json holds."""
     spec, udim = stages.spec, stages.spec.texture.udim
@@ -199,7 +201,7 @@ def manifest_of(
     }
 
 
-def report(stages: Stages, result: DiffuseMap, plan: tuple[PlanLine, ...]) -> None:
+def report(stages: StageRunner, result: DiffuseMap, plan: tuple[Decision, ...]) -> None:
     """The plan and the measured error, on the terminal."""
     for line in plan:
         stages.say(f"  {'+' if line.kept else '-'} {line.term:<20} {line.why}")

@@ -76,7 +76,7 @@ def blur_key(spec: SceneSpec, inputs: dict[str, str], light: str, kind: tuple[An
 def preview_key(spec: SceneSpec, inputs: dict[str, str], lobes: str) -> str:
     """Of preview.png: `lobes` is the key of what it draws."""
     look = _without_paths(spec.model_dump(mode="json"))
-    drawing = code_key("preview", "io/bake_folder.py", "io/png.py", "bake/still.py", *READERS)
+    drawing = code_key("preview", "io/bake_folder.py", "io/png.py", "bake/preview_worker.py", *READERS)
     return key_of(drawing, look, inputs, lobes)
 
 

@@ -13,8 +13,8 @@ from typing import Any
 from rich.console import Console
 
 import skinbake
-from skinbake.batch.crew import Crew
-from skinbake.batch.job import Order, bake_job
+from skinbake.batch.job import BakeJob, bake_job
+from skinbake.batch.process_pool import ProcessPool
 from skinbake.batch.progress import BatchProgress
 from skinbake.errors import InputError, SkinbakeError
 from skinbake.io.atomic import write_text
@@ -47,29 +47,29 @@ class Plan:
         """Jobs that are wanted."""
         return tuple(job for job in self.batch.jobs if job.wanted)
 
-    def order(self, job: BatchJob) -> Order:
+    def bake_job(self, job: BatchJob) -> BakeJob:
         """What the job's process needs to know."""
         cache = str(self.cache) if self.cache else None
-        return Order(job.spec, self.force, self.preview, cache, self.cache_bytes, code_key("."))
+        return BakeJob(job.spec, self.force, self.preview, cache, self.cache_bytes, code_key("."))
 
 
 def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
     """Bake the selected looks; gives and writes what batch.json holds."""
     start = time.perf_counter()
     jobs = plan.selected
-    payloads = {job.name: plan.order(job) for job in jobs}
+    payloads = {job.name: plan.bake_job(job) for job in jobs}
     peak = None
     with BatchProgress(len(jobs), plan.workers, console) as progress:
         if plan.dask:
-            from skinbake.batch.farm import run_on_dask
+            from skinbake.batch.dask_cluster import run_on_dask
 
             results = run_on_dask(
-                plan.dask, bake_job, payloads, progress.hear, plan.workers, plan.retries, plan.keep_going
+                plan.dask, bake_job, payloads, progress.on_event, plan.workers, plan.retries, plan.keep_going
             )
         else:
-            crew = Crew(bake_job, min(plan.workers, len(jobs)), plan.retries, progress.hear)
-            results = crew.run(payloads, plan.keep_going)
-            peak = round(crew.peak_mib, 1)
+            pool = ProcessPool(bake_job, min(plan.workers, len(jobs)), plan.retries, progress.on_event)
+            results = pool.run(payloads, plan.keep_going)
+            peak = round(pool.peak_mib, 1)
     seconds = round(time.perf_counter() - start, 3)
     report: dict[str, Any] = {
         "version": skinbake.__version__,
@@ -134,16 +134,16 @@ def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
 
 def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
     """A line a look: its stages that would run, and why; and whether every input is there."""
-    from skinbake.bake.look_folder import LookFolder
-    from skinbake.bake.stale import stale_stages
-    from skinbake.bake.workshop import Workshop
+    from skinbake.bake.dry_run import stale_stages
+    from skinbake.bake.folder import BakeFolder
+    from skinbake.bake.session import BakeSession
 
     lines, ok = [], True
     for job in plan.selected:
-        order = plan.order(job)
-        workshop = Workshop.of(order.cache, order.cache_bytes)
+        order = plan.bake_job(job)
+        session = BakeSession.of(order.cache, order.cache_bytes)
         try:
-            stale = stale_stages(LookFolder(job.spec, plan.force, verbosity=0, workshop=workshop), plan.preview)
+            stale = stale_stages(BakeFolder(job.spec, plan.force, verbosity=0, session=session), plan.preview)
             text = "; ".join(f"{stage}: {why}" for stage, why in stale.items()) or "as it was"
         except SkinbakeError as error:
             text, ok = f"cannot be baked: {error}", False

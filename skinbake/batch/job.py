@@ -13,13 +13,13 @@ from skinbake.scene.spec import SceneSpec
 
 
 @dataclass(frozen=True)
-class Order:
+class BakeJob:
     """A look and how to bake it.
 
     Attributes
     ----------
     cache : folder of the shared results, or None
-    code : digest of the code that gave the order; another process must have the same
+    code : digest of the code that gave the job; another process must have the same
     """
 
     spec: SceneSpec
@@ -30,36 +30,36 @@ class Order:
     code: str
 
 
-def bake_job(order: Order, tell: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
     """Bake one look; what the user can mend comes back as `error`, what another machine may do better is raised.
 
     Raises
     ------
     MachineError
-        Disk full, no OpenGL, other code than the one that gave the order.
+        Disk full, no OpenGL, other code than the one that gave the job.
     """
     from skinbake.bake.baking import bake_look
-    from skinbake.bake.workshop import Workshop
+    from skinbake.bake.session import BakeSession
     from skinbake.io.fingerprint import code_key
     from skinbake.io.manifest import read_manifest
 
-    if code_key(".") != order.code:
+    if code_key(".") != job.code:
         raise MachineError("this worker runs another version of skinbake than the one that sent the job; update it")
     start = time.perf_counter()
     stages: dict[str, bool] = {}
 
-    def hear(event: dict[str, Any]) -> None:
+    def on_event(event: dict[str, Any]) -> None:
         if "reused" in event:
             stages[event["stage"]] = event["reused"]
         tell(event)
 
-    workshop = Workshop.of(order.cache, order.cache_bytes, hear)
+    session = BakeSession.of(job.cache, job.cache_bytes, on_event)
     status, fault = "done", None
     try:
-        manifest = bake_look(order.spec, order.force, order.preview, verbosity=0, workshop=workshop)
+        manifest = bake_look(job.spec, job.force, job.preview, verbosity=0, session=session)
     except ToleranceMissedError as error:
         status, fault = "missed", str(error)
-        manifest = read_manifest(order.spec.output.dir)
+        manifest = read_manifest(job.spec.output.dir)
     except (InputError, ConfigError) as error:
         return {"status": "failed", "error": str(error), "seconds": time.perf_counter() - start}
     if status == "done" and all(stages.values()):
@@ -71,10 +71,10 @@ def bake_job(order: Order, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
         "seconds": round(time.perf_counter() - start, 3),
         "ran": [stage for stage, reused in stages.items() if not reused],
         "reused": [stage for stage, reused in stages.items() if reused],
-        "traced": list(workshop.traced),
-        "cache": workshop.figures,
+        "traced": list(session.traced),
+        "cache": session.figures,
         "peak_memory_mib": manifest["peak_memory_mib"],
         "measured": {name: error_figures[name] for name in ("rms", "p95", "max") if name in error_figures},
         "note": f"rms {error_figures['rms']:.2%}" if "rms" in error_figures else "",
-        "preview": "preview.png" if (Path(order.spec.output.dir) / "preview.png").exists() else None,
+        "preview": "preview.png" if (Path(job.spec.output.dir) / "preview.png").exists() else None,
     }

@@ -54,7 +54,7 @@ class BatchProgress:
         if self.bars:
             self.bars.stop()
 
-    def hear(self, name: str, event: dict[str, Any]) -> None:
+    def on_event(self, name: str, event: dict[str, Any]) -> None:
         """Take one event of a job."""
         kind = event["event"]
         if kind == "begin":

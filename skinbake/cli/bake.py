@@ -31,13 +31,13 @@ def command(
 ) -> None:
     """Bake CONFIG: profile, irradiance, diffusion, measured error, preview."""
     from skinbake.bake.baking import bake_look
-    from skinbake.bake.workshop import Workshop
+    from skinbake.bake.session import BakeSession
     from skinbake.io.cache import DEFAULT_LIMIT_BYTES, FOLDER
     from skinbake.io.config import load_look
 
     look = load_look(config, overrides, out)
     folder = cache or os.environ.get(FOLDER)
-    workshop = Workshop.of(folder, DEFAULT_LIMIT_BYTES, keep=False)
-    manifest = bake_look(look, force, preview, verbosity, workshop)
+    session = BakeSession.of(folder, DEFAULT_LIMIT_BYTES, keep=False)
+    manifest = bake_look(look, force, preview, verbosity, session)
     if as_json:
         print(json.dumps(manifest, indent=1, default=str))

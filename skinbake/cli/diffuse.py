@@ -25,7 +25,7 @@ def command(
     from pathlib import Path
 
     from skinbake.bake.baking import manifest_of, put_manifest, report
-    from skinbake.bake.stages import Stages
+    from skinbake.bake.stage_runner import StageRunner
     from skinbake.errors import ToleranceMissedError
     from skinbake.io.config import load_look
     from skinbake.io.fingerprint import sha256_of
@@ -33,7 +33,7 @@ def command(
     from skinbake.pipeline import plan_of
 
     spec = load_look(config, overrides, out)
-    stages = Stages(spec, force, verbosity)
+    stages = StageRunner(spec, force, verbosity)
     name = re.sub(r"\.[1-9]\d{3}(?=\.\w+$)", "", irradiance) if spec.texture.udim else irradiance
     paths = {tile: tile_path(Path(name), tile, spec.texture.udim) for tile in stages.tiles}
     maps = tuple(read_irradiance(path, tile, spec.texture.size) for tile, path in paths.items())

@@ -175,7 +175,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
         Probes of another texture size instead.
     """
     from skinbake import pipeline
-    from skinbake.diffuse.diffuser import Diffuser
+    from skinbake.diffuse.evaluator import LobeEvaluator
     from skinbake.diffuse.probes import Probes, draw_probes
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
@@ -192,7 +192,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
         for tile, raster in zip(irradiance, atlas, strict=True)
     ]
     del irradiance
-    diffuser = Diffuser(source, atlas, scene.mesh, spec.diffusion)
+    diffuser = LobeEvaluator(source, atlas, scene.mesh, spec.diffusion)
     tiles = np.array([raster.tile for raster in atlas], np.int32)
     centre = diffuser.surface.centre_mm
     if at is None:
@@ -272,16 +272,16 @@ def _warm(spec: SceneSpec) -> None:
 def _picture(folder: Path) -> NDArray[np.float32] | None:
     """Linear radiance before the look's background, (h, w, 3); None where there is no OpenGL."""
     from skinbake.io.bake_folder import read_bake_folder
-    from skinbake.preview.draw import Studio
+    from skinbake.preview.draw import OffscreenRenderer
     from skinbake.preview.mode import Mode
-    from skinbake.preview.shots import plan_shots
+    from skinbake.preview.views import plan_views
 
     baked = read_bake_folder(folder, summed=True)
     look = baked.spec.preview
-    shot = plan_shots(baked.scene.mesh, [look.view], None, PICTURE[0] / PICTURE[1])[0]
+    each = plan_views(baked.scene.mesh, [look.view], None, PICTURE[0] / PICTURE[1])[0]
     try:
-        with Studio(baked.scene) as studio:
-            frame = studio.draw(shot.camera, PICTURE, Mode("full"), supersample=2)
+        with OffscreenRenderer(baked.scene) as renderer:
+            frame = renderer.draw(each.camera, PICTURE, Mode("full"), supersample=2)
     except MachineError:
         return None
     return (frame.over(tuple(np.asarray(look.background_rgb) / 2.0**look.exposure)) * 2.0**look.exposure).astype(

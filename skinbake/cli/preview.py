@@ -92,14 +92,14 @@ def render_still(
     **how: Any,
 ) -> list[Path]:
     """Render pictures of a bake folder as `still.render` does, by default FOLDER/preview.png; gives their paths."""
-    from skinbake.bake.still import render
+    from skinbake.bake.preview_worker import render
     from skinbake.io.bake_folder import read_bake_folder
-    from skinbake.preview.draw import Studio
+    from skinbake.preview.draw import OffscreenRenderer
 
     baked = read_bake_folder(folder, summed=not gains)
     say = (lambda path: click.echo(str(path), err=True)) if verbosity else None
-    with Studio(baked.scene) as studio:
-        return render(studio, baked.spec.preview, Path(out) if out else baked.path, gains=gains, say=say, **how)
+    with OffscreenRenderer(baked.scene) as renderer:
+        return render(renderer, baked.spec.preview, Path(out) if out else baked.path, gains=gains, say=say, **how)
 
 
 def _names(views: str | None) -> list[str]:

@@ -216,7 +216,7 @@ class Measurements:
         from skinbake.cli.measuring import measure_bake
         from skinbake.errors import SkinbakeError
         from skinbake.io.tradeoff import append_run
-        from skinbake.preview.likeness import likeness
+        from skinbake.preview.image_metrics import image_similarity
         from skinbake.tradeoff import difference
 
         key, name = self.key(setting), f"{setting.sweep} {setting.label}"
@@ -235,7 +235,7 @@ class Measurements:
         if first:
             run["rms"], run["p95"], run["max"] = difference(found["values"], wanted["values"])
             if found.get("picture") is not None and wanted.get("picture") is not None:
-                run["flip"], run["ssim"] = likeness(found["picture"], wanted["picture"])
+                run["flip"], run["ssim"] = image_similarity(found["picture"], wanted["picture"])
         self.runs.setdefault(key, []).append(run)
         append_run(self.folder, run)
         return f"{name}: {run['seconds']:.2f} s, rms {self.runs[key][0]['rms']:.2%}"

@@ -9,15 +9,15 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
-from skinbake.diffuse.auto import plan_auto
-from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, MeasuredError, PlanLine
-from skinbake.diffuse.diffuser import Diffuser, Tiles
+from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe, MeasuredError
 from skinbake.diffuse.error import measure_error, weighted_sum
+from skinbake.diffuse.evaluator import LobeEvaluator, Tiles
+from skinbake.diffuse.memoize import Memoize, MemoizedEvaluator
 from skinbake.diffuse.memory import check_memory
-from skinbake.diffuse.plan import LobePlan, plan_lines, plan_lobes
-from skinbake.diffuse.points import TexelPoints
+from skinbake.diffuse.planning.auto import plan_auto
+from skinbake.diffuse.planning.lobe_plan import LobePlan, plan_lines, plan_lobes
 from skinbake.diffuse.probes import VERIFY, VERIFY_AGAIN, Probes, draw_probes, squeezed_share
-from skinbake.diffuse.remember import Remember, RememberingDiffuser
+from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.errors import InputError
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
@@ -37,7 +37,7 @@ def diffuse(
     seed: int,
     precision: str = "half",
     progress: Callable[[str], None] | None = None,
-    remember: Remember | None = None,
+    remember: Memoize | None = None,
 ) -> DiffuseMap:
     """Blur light by each Gaussian and measure the error of the sum.
 
@@ -78,12 +78,12 @@ def diffuse(
     tell = progress or (lambda _: None)
     scaled, exponent = _scaled(tiles)
     diffuser = (
-        Diffuser(scaled, atlas, mesh, spec)
+        LobeEvaluator(scaled, atlas, mesh, spec)
         if remember is None
-        else RememberingDiffuser(scaled, atlas, mesh, spec, lights, remember)
+        else MemoizedEvaluator(scaled, atlas, mesh, spec, lights, remember)
     )
 
-    lines: list[PlanLine] = []
+    lines: list[Decision] = []
     if spec.method == "auto":
         tell("planning lobes")
         plans, lines = plan_auto(diffuser, gaussians, seed, precision)
@@ -104,12 +104,12 @@ def diffuse(
         first = error.rms
         made, error, by_lobe = _make(diffuser, plans, gaussians, probes, precision, tell)
         why = f"the first plan was wrong by {first:.3%} at probes that it had not seen; judged by others again"
-        lines.append(PlanLine("second plan", True, why))
+        lines.append(Decision("second plan", True, why))
     if spec.probes:
         squeezed = squeezed_share(points)
         if squeezed > 0:
             why = f"{squeezed:.2%} of the skin has no texture to speak of: not judged"
-            lines.append(PlanLine("squeezed skin", False, why))
+            lines.append(Decision("squeezed skin", False, why))
     if not spec.normalise:
         lines += _classical_lines(diffuser, gaussians)
     arrives = _area_sum(diffuser.source, points)
@@ -136,7 +136,7 @@ def diffuse(
     )
 
 
-def _classical_lines(diffuser: Diffuser, gaussians: GaussianSum) -> list[PlanLine]:
+def _classical_lines(diffuser: LobeEvaluator, gaussians: GaussianSum) -> list[Decision]:
     """Sums that are not normalised take a texel for a point: for a lobe that is narrower, one of its own weight."""
     texel_mm = float(np.sqrt(diffuser.surface.mean_texel_mm2))
     narrow = [i for i, v in enumerate(gaussians.variance_mm2) if 0 < v < 0.5 * texel_mm**2]
@@ -147,11 +147,11 @@ def _classical_lines(diffuser: Diffuser, gaussians: GaussianSum) -> list[PlanLin
         "they come out up to several times too bright, and the measured error does not show it; raise texture.size, or "
         "set diffusion.normalise to true"
     )
-    return [PlanLine("classical integral", False, why)]
+    return [Decision("classical integral", False, why)]
 
 
 def _make(
-    diffuser: Diffuser,
+    diffuser: LobeEvaluator,
     plans: tuple[LobePlan, ...],
     gaussians: GaussianSum,
     probes: Probes,
@@ -233,7 +233,7 @@ def _unscaled(rgb: NDArray[np.float32], exponents: list[int]) -> NDArray[np.floa
     return (rgb * np.exp2(np.asarray(exponents, np.float64))[:, None, None, None]).astype(np.float32)
 
 
-def _total(diffuser: Diffuser, values: Tiles, level: int, arrives: Float) -> tuple[float, float, float]:
+def _total(diffuser: LobeEvaluator, values: Tiles, level: int, arrives: Float) -> tuple[float, float, float]:
     """Area-weighted total of a lobe over the light's, `arrives`."""
     leaves = _area_sum(values, diffuser.targets(level) if level else [p for p, _, _ in diffuser.surface.tiles])
     ratio = np.divide(leaves, arrives, out=np.ones(3), where=arrives > 0)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.scene.plan_line import PlanLine
+from skinbake.scene.decision import Decision
 
-__all__ = ["DiffuseMap", "Lobe", "MeasuredError", "PlanLine"]
+__all__ = ["Decision", "DiffuseMap", "Lobe", "MeasuredError"]
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class DiffuseMap:
     lobes : tuple of Lobe
     error : MeasuredError, optional
         Of the weighted sum of the lobes as they are read back; None without probes.
-    plan : tuple of PlanLine
+    plan : tuple of Decision
     tolerance_met : bool
         Whether `error.rms` is within the tolerance that was asked for; True without probes.
     advice : str
@@ -71,6 +71,6 @@ class DiffuseMap:
     lights: tuple[str, ...]
     lobes: tuple[Lobe, ...]
     error: MeasuredError | None
-    plan: tuple[PlanLine, ...] = ()
+    plan: tuple[Decision, ...] = ()
     tolerance_met: bool = True
     advice: str = ""

@@ -10,7 +10,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, tile_origin
-from skinbake.diffuse.points import TexelPoints
+from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 

@@ -13,7 +13,7 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
 from skinbake.irradiance import IrradianceMap
-from skinbake.scene.plan_line import PlanLine
+from skinbake.scene.decision import Decision
 
 LIGHT = "light."
 TOTAL = "irradiance"
@@ -41,14 +41,14 @@ def write_irradiance(
     write_parts(path, parts, attributes, precision, compression)
 
 
-def plan_text(lines: tuple[PlanLine, ...]) -> str:
+def plan_text(lines: tuple[Decision, ...]) -> str:
     """A light's plan as JSON."""
     return json.dumps([asdict(line) for line in lines])
 
 
-def plan_of_text(text: str) -> tuple[PlanLine, ...]:
+def plan_of_text(text: str) -> tuple[Decision, ...]:
     """The plan again."""
-    return tuple(PlanLine(**line) for line in json.loads(text))
+    return tuple(Decision(**line) for line in json.loads(text))
 
 
 def light_keys(path: Path) -> dict[str, str]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe, MeasuredError, PlanLine
+from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe, MeasuredError
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, as_stored, read_attributes, rgb_channels, write_parts
 from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
@@ -124,7 +124,7 @@ def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, .
         tuple(summary["lights"]),
         tuple(lobes),
         error,
-        tuple(PlanLine(**line) for line in summary["plan"]),
+        tuple(Decision(**line) for line in summary["plan"]),
         tolerance_met=summary["tolerance_met"],
         advice=summary["advice"],
     )

@@ -43,7 +43,7 @@ class _Error(Record):
 
 
 class _PlanLine(Record):
-    """A `PlanLine`."""
+    """A `Decision`."""
 
     term: str
     kept: bool

@@ -18,9 +18,9 @@ from skinbake.irradiance.harmonics import harmonic_matrix, light_by_harmonics
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.surface import scattered_origins
 from skinbake.numerics import Float
+from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.plan_line import PlanLine
 
 Image = NDArray[np.float32]
 HARMONICS_SHARE, SAMPLING_SHARE = 0.25, 0.9
@@ -49,7 +49,7 @@ class EnvironmentPlan:
         Harmonics; of size 0 where the table is used.
     table : ndarray of shape (n, n, 3)
         Of size 0 where harmonics are used.
-    lines : tuple of PlanLine
+    lines : tuple of Decision
     """
 
     sky: SkySamples
@@ -58,7 +58,7 @@ class EnvironmentPlan:
     variation: float
     matrix: Float
     table: Image
-    lines: tuple[PlanLine, ...]
+    lines: tuple[Decision, ...]
 
     def unshadowed(self, normal: Image, addressed: NDArray[np.bool_]) -> Image:
         """Irradiance of an open sky at unit normals (H, W, 3), zero where not addressed."""
@@ -104,12 +104,12 @@ def plan_environment(
             samples, why = _fewest_samples(
                 sky, offset, occluder, origin, normal, base, SAMPLING_SHARE * tolerance, bool(light.shadows)
             )
-        lines.append(PlanLine(term, samples > 0, why))
+        lines.append(Decision(term, samples > 0, why))
     variation = min(VARIATION * tolerance, WIDEST_VARIATION)
     return EnvironmentPlan(sky, offset, samples, variation, matrix, table, tuple(lines))
 
 
-def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: float) -> tuple[Float, Image, PlanLine]:
+def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: float) -> tuple[Float, Image, Decision]:
     """Matrix and table, one of them of size 0, and why."""
     matrix = harmonic_matrix(radiance, light.rotate_deg)
     normal = _all_around(NORMALS)
@@ -121,7 +121,7 @@ def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: floa
     why = f"order 2 is off by {error:.2%} rms of the exact cosine, {'within' if kept else 'above'} {limit:.2%}"
     table = np.zeros((0, 0, 3), np.float32) if kept else irradiance_table(radiance, light.rotate_deg)
     matrix = matrix if kept else np.zeros((3, 0, 0))
-    return matrix * light.scale, table * np.float32(light.scale), PlanLine(f"{light.name}.harmonics", kept, why)
+    return matrix * light.scale, table * np.float32(light.scale), Decision(f"{light.name}.harmonics", kept, why)
 
 
 def _fewest_samples(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.scene.plan_line import PlanLine
+from skinbake.scene.decision import Decision
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class IrradianceMap:
         Unshadowed share of each light, 0 ... 1; shadows the specular in the preview.
     coverage : ndarray of shape (H, W), float32
         Of the atlas.
-    plan : mapping of light name to tuple of PlanLine
+    plan : mapping of light name to tuple of Decision
         What was decided for lights that leave something to decide.
     """
 
@@ -36,7 +36,7 @@ class IrradianceMap:
     rgb: NDArray[np.float32]
     visibility: NDArray[np.float32]
     coverage: NDArray[np.float32]
-    plan: Mapping[str, tuple[PlanLine, ...]] = field(default_factory=dict)
+    plan: Mapping[str, tuple[Decision, ...]] = field(default_factory=dict)
 
     @property
     def total(self) -> NDArray[np.float32]:

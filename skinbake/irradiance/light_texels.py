@@ -9,20 +9,20 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
-from skinbake.irradiance.emitter import colour, emitter, unshadowed
 from skinbake.irradiance.environment import light_environment
 from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.irradiance.punctual_light import colour, emitter, unshadowed
 from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.numerics import Float
+from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.plan_line import PlanLine
 from skinbake.scene.spec import SpecularSpec
 
 Image = NDArray[np.float32]
@@ -104,7 +104,7 @@ def light_texels(
         maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
     for name in names:
         if name in dark:
-            plan[name] = (*plan.get(name, ()), PlanLine(name, False, DARK))
+            plan[name] = (*plan.get(name, ()), Decision(name, False, DARK))
     return tuple(maps_out)
 
 
@@ -124,7 +124,7 @@ def _light_one(
         source,
         surface.raster.face_index,
         surface.raster.barycentric,
-        surface.facets,
+        surface.subdivided,
         surface.normal,
         surface.smooth_normal,
         surface.roughness,

@@ -24,7 +24,7 @@ class Occluder:
 
     Attributes
     ----------
-    facets : Facets
+    subdivided : SubdividedMesh
         What the rays meet.
     centre_mm : ndarray of shape (3,)
         All origins are given relative to it.
@@ -39,7 +39,7 @@ class Occluder:
         surface = smooth_surface(mesh)
         low, high = surface.positions_mm.min(axis=0), surface.positions_mm.max(axis=0)
         self.centre_mm: Float = (low + high) / 2
-        self.facets = facets_of(surface, self.centre_mm)
+        self.subdivided = facets_of(surface, self.centre_mm)
         positions = np.ascontiguousarray(surface.positions_mm - self.centre_mm, dtype=np.float32)
         self.spacing_mm = float(np.spacing(np.abs(positions).max()))
         self._scene = EmbreeScene(robust=True)

@@ -10,11 +10,11 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
-from skinbake.irradiance.emitter import soften
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import albedo_at
+from skinbake.irradiance.punctual_light import bump_terminator
 from skinbake.irradiance.refine import refine
-from skinbake.irradiance.shadow_origin import Facets, point_of
+from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.numerics import Float
 from skinbake.scene.lights import RectangleLight
@@ -44,8 +44,8 @@ def light_rectangle(
     raster = surface.raster
     arriving, facing = np.zeros(raster.shape, np.float32), np.zeros(raster.shape, np.bool_)
     _contour(
-        shape, raster.face_index, raster.barycentric, surface.facets, surface.normal, surface.smooth_normal, arriving,
-        facing,
+        shape, raster.face_index, raster.barycentric, surface.subdivided, surface.normal, surface.smooth_normal,
+        arriving, facing,
     )  # fmt: skip
 
     grid = max(1, math.ceil(math.sqrt(light.samples or DEFAULT_SAMPLES)))
@@ -138,7 +138,7 @@ def _contour(
     shape: Float,
     face_index: NDArray[np.int32],
     barycentric: Image,
-    facets: Facets,
+    subdivided: SubdividedMesh,
     normal: Image,
     smooth: Image,
     arriving: Image,
@@ -153,7 +153,7 @@ def _contour(
             if face == NO_FACE:
                 continue
             px, py, pz = point_of(
-                facets, face, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+                subdivided, face, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
             )
             ahead = (
                 (px - shape[0, 0]) * out_normal[0]
@@ -233,7 +233,7 @@ def _sample(
             if leaving <= 0.0 or cos_mapped <= 0.0:
                 continue
             sent[i, s] = cos_mapped * leaving / (distance * distance)
-            passed[i, s] = sent[i, s] * soften(cos_mapped, cos_smooth)
+            passed[i, s] = sent[i, s] * bump_terminator(cos_mapped, cos_smooth)
             if table.size > 0:
                 share = 1.0 - strength[i] * albedo_at(table, cos_mapped, roughness[i], f0)
                 passed[i, s] *= min(max(share, 0.0), 1.0)

@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from skinbake.irradiance.emitter import DIRECTIONAL, aim
 from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.punctual_light import DIRECTIONAL, aim
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.numerics import Float
 

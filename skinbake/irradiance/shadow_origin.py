@@ -20,7 +20,7 @@ Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 
 
-class Facets(NamedTuple):
+class SubdividedMesh(NamedTuple):
     """Triangles of the smooth surface as the kernels take them, 4^levels to each of the F faces of the mesh.
 
     Attributes
@@ -43,14 +43,14 @@ class Facets(NamedTuple):
     bulge_mm: Float
 
 
-def facets_of(surface: SmoothSurface, centre_mm: Float) -> Facets:
+def facets_of(surface: SmoothSurface, centre_mm: Float) -> SubdividedMesh:
     """Gather the triangles of a smooth surface, about `centre_mm`."""
     corner = (surface.positions_mm - centre_mm)[surface.faces]
     facing, depth_mm = np.empty((len(corner), 3), np.float32), np.empty(len(corner))
     _measure(corner, surface.corner_normal, facing, depth_mm)
     bulge_mm = surface.relief_mm.max(axis=1) + depth_mm.reshape(len(surface.relief_mm), -1).max(axis=1, initial=0)
     corner_mm, corner_normal = corner.astype(np.float32), surface.corner_normal.astype(np.float32)
-    return Facets(surface.levels, corner_mm, corner_normal, facing, surface.relief_mm, bulge_mm)
+    return SubdividedMesh(surface.levels, corner_mm, corner_normal, facing, surface.relief_mm, bulge_mm)
 
 
 @njit(cache=True)
@@ -87,7 +87,7 @@ def facet_point(corners: Float | Image, f: int, b1: float, b2: float) -> tuple[f
 
 
 @njit(cache=True, inline="always")
-def bulge(
+def subdivision_offset(
     corners: Image, normals: Image, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
 ) -> tuple[float, float, float]:
     """Offset from the facet's point to the smooth surface; only outwards, so creases are left alone.
@@ -107,15 +107,15 @@ def bulge(
 
 
 @njit(cache=True, inline="always")
-def point_of(facets: Facets, face: int, b1: float, b2: float) -> tuple[float, float, float]:
+def point_of(subdivided: SubdividedMesh, face: int, b1: float, b2: float) -> tuple[float, float, float]:
     """Point of the skin at a place in a face of the mesh."""
-    f, b1, b2 = descend(face, b1, b2, facets.levels)
-    return facet_point(facets.corner_mm, f, b1, b2)
+    f, b1, b2 = descend(face, b1, b2, subdivided.levels)
+    return facet_point(subdivided.corner_mm, f, b1, b2)
 
 
 @njit(cache=True, inline="always")
-def way_up(
-    facets: Facets, step_mm: Float, face: int, b1: float, b2: float
+def offset_to_smooth_surface(
+    subdivided: SubdividedMesh, step_mm: Float, face: int, b1: float, b2: float
 ) -> tuple[float, float, float, float, float, float]:
     """Start a hair above the facet at a place in a face, and the way from there to the smooth surface.
 
@@ -124,12 +124,20 @@ def way_up(
     step_mm : ndarray of shape (F,)
         Step off the facet that round-off asks for.
     """
-    rise = (1.0 - b1 - b2) * facets.relief_mm[face, 0] + b1 * facets.relief_mm[face, 1] + b2 * facets.relief_mm[face, 2]
-    f, b1, b2 = descend(face, b1, b2, facets.levels)
-    px, py, pz = facet_point(facets.corner_mm, f, b1, b2)
-    dx, dy, dz = bulge(facets.corner_mm, facets.corner_normal, rise, f, b1, b2, px, py, pz)
+    rise = (
+        (1.0 - b1 - b2) * subdivided.relief_mm[face, 0]
+        + b1 * subdivided.relief_mm[face, 1]
+        + b2 * subdivided.relief_mm[face, 2]
+    )
+    f, b1, b2 = descend(face, b1, b2, subdivided.levels)
+    px, py, pz = facet_point(subdivided.corner_mm, f, b1, b2)
+    dx, dy, dz = subdivision_offset(subdivided.corner_mm, subdivided.corner_normal, rise, f, b1, b2, px, py, pz)
     step = step_mm[face]
-    px, py, pz = px + step * facets.facing[f, 0], py + step * facets.facing[f, 1], pz + step * facets.facing[f, 2]
+    px, py, pz = (
+        px + step * subdivided.facing[f, 0],
+        py + step * subdivided.facing[f, 1],
+        pz + step * subdivided.facing[f, 2],
+    )
     return px, py, pz, dx, dy, dz
 
 
@@ -137,7 +145,7 @@ def way_up(
 def long_ways(
     face_index: NDArray[np.int32],
     barycentric: Image,
-    facets: Facets,
+    subdivided: SubdividedMesh,
     step_mm: Float,
     threshold_mm: Float,
     out: NDArray[np.bool_],
@@ -147,20 +155,20 @@ def long_ways(
         for col in range(face_index.shape[1]):
             face = face_index[row, col]
             out[row, col] = False
-            if face != NO_FACE and facets.bulge_mm[face] > threshold_mm[face]:
+            if face != NO_FACE and subdivided.bulge_mm[face] > threshold_mm[face]:
                 b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
-                _, _, _, dx, dy, dz = way_up(facets, step_mm, face, b1, b2)
+                _, _, _, dx, dy, dz = offset_to_smooth_surface(subdivided, step_mm, face, b1, b2)
                 out[row, col] = dx * dx + dy * dy + dz * dz > threshold_mm[face] * threshold_mm[face]
 
 
 @njit(cache=True, parallel=True)
 def place(
-    face: NDArray[np.int32], barycentric: Image, facets: Facets, step_mm: Float, start: Image, way: Image
+    face: NDArray[np.int32], barycentric: Image, subdivided: SubdividedMesh, step_mm: Float, start: Image, way: Image
 ) -> None:
-    """`way_up` at n places in faces: `start` and `way`, both (n, 3), are written."""
+    """`offset_to_smooth_surface` at n places in faces: `start` and `way`, both (n, 3), are written."""
     for i in prange(len(face)):
-        px, py, pz, dx, dy, dz = way_up(
-            facets, step_mm, face[i], np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
+        px, py, pz, dx, dy, dz = offset_to_smooth_surface(
+            subdivided, step_mm, face[i], np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
         )
         start[i, 0], start[i, 1], start[i, 2] = px, py, pz
         way[i, 0], way[i, 1], way[i, 2] = dx, dy, dz
@@ -173,7 +181,7 @@ def place_inside_texels(
     face_index: NDArray[np.int32],
     barycentric: Image,
     per_texel: Float,
-    facets: Facets,
+    subdivided: SubdividedMesh,
     step_mm: Float,
     on_facet: NDArray[np.bool_],
     out: Image,
@@ -201,7 +209,7 @@ def place_inside_texels(
             b1, b2 = min(max(b1, 0.0), 1.0), min(max(b2, 0.0), 1.0)
             if b1 + b2 > 1.0:
                 b1, b2 = b1 / (b1 + b2), b2 / (b1 + b2)
-            px, py, pz, dx, dy, dz = way_up(facets, step_mm, face, b1, b2)
+            px, py, pz, dx, dy, dz = offset_to_smooth_surface(subdivided, step_mm, face, b1, b2)
             if on_facet[row, col]:
                 dx, dy, dz = 0.0, 0.0, 0.0
             out[i, s, 0], out[i, s, 1], out[i, s, 2] = px + dx, py + dy, pz + dz

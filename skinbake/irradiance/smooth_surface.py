@@ -17,7 +17,9 @@ from skinbake.scene.mesh import SkinMesh
 
 FLAT_ENOUGH_MM = 0.02  # height of the bulges that may remain: a tenth of a texel of a 2048^2 head
 MAX_FACES = 600_000
-MAX_SLOPE = 0.1  # bulge over edge length; a steeper one is a crease with poor normals, not a round form
+MAX_SLOPE = (
+    0.1  # height of an edge's arc over its length; a steeper one is a crease with poor normals, not a round form
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def _relief_mm(mesh: SkinMesh) -> Float:
 
 
 def _edges(surface: SmoothSurface) -> tuple[NDArray[np.int64], Float]:
-    """Edge of each corner and its successor, shape (F, 3), and each edge's bulge at its middle, mm, shape (E, 3).
+    """Edge of each corner and its successor, shape (F, 3), and the way from each edge's middle to its arc, mm, (E, 3).
 
     The middle of an arc lies half way between the chord and the tangent planes at its ends. Hard edges, where the two
     faces have different normals, stay straight; both faces of an edge use one middle, so that no crack opens.

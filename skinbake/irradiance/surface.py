@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import AtlasRaster, face_mm_per_texel, sample_map
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.shadow_origin import Facets, long_ways, place, place_inside_texels
+from skinbake.irradiance.shadow_origin import SubdividedMesh, long_ways, place, place_inside_texels
 from skinbake.numerics import Float, normalized, safe_div
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -37,7 +37,7 @@ class TexelSurface:
     roughness, strength : ndarrays of shape (H, W) or (1, 1), float32
         Beckmann m, and rho_s times the specular map.
     occluder : Occluder
-        Positions are computed from its facets where they are asked for, since most texels never are.
+        Positions are computed from its triangles where they are asked for, since most texels never are.
     texel_mm : ndarray of shape (F,)
         Shorter length of a texel of each face.
     per_texel : ndarray by face
@@ -54,9 +54,9 @@ class TexelSurface:
     per_texel: Float
 
     @property
-    def facets(self) -> Facets:
+    def subdivided(self) -> SubdividedMesh:
         """What the rays meet."""
-        return self.occluder.facets
+        return self.occluder.subdivided
 
     @cached_property
     def on_facet(self) -> NDArray[np.bool_]:
@@ -64,7 +64,7 @@ class TexelSurface:
         raster, step_mm = self.raster, _step_mm(self.texel_mm, self.occluder)
         barred = np.empty(raster.shape, np.bool_)
         threshold_mm = WORTH_CHECKING * self.texel_mm
-        long_ways(raster.face_index, raster.barycentric, self.facets, step_mm, threshold_mm, barred)
+        long_ways(raster.face_index, raster.barycentric, self.subdivided, step_mm, threshold_mm, barred)
         texels, flat = np.flatnonzero(barred), barred.reshape(-1)
         face, barycentric = raster.face_index.reshape(-1)[texels], raster.barycentric.reshape(-1, 2)[texels]
         *_, flat[texels] = _ways_up(face, barycentric, self.occluder, step_mm)
@@ -80,7 +80,7 @@ class TexelSurface:
         face_index, barycentric = self.raster.face_index, self.raster.barycentric
         step_mm = _step_mm(self.texel_mm, self.occluder)
         place_inside_texels(
-            texels, grid, face_index, barycentric, self.per_texel, self.facets, step_mm, self.on_facet, out
+            texels, grid, face_index, barycentric, self.per_texel, self.subdivided, step_mm, self.on_facet, out
         )
         return out
 
@@ -132,7 +132,7 @@ def _ways_up(
 ) -> tuple[Image, Image, NDArray[np.bool_]]:
     """Start above the facet and way to the smooth surface at places in faces, (n, 3), and which ways are barred."""
     start, way = np.empty((len(face), 3), np.float32), np.empty((len(face), 3), np.float32)
-    place(face, barycentric, occluder.facets, step_mm, start, way)
+    place(face, barycentric, occluder.subdivided, step_mm, start, way)
     # `way` is not scaled to length 1: a reach of 1 ends at the smooth surface
     return start, way, occluder.occluded(start, way, np.ones(len(face), np.float32))
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.preview.camera import Camera
-from skinbake.preview.lamp import Gains, gains_rgb
 from skinbake.preview.mode import Mode
 from skinbake.preview.platform import headless_context, release_context
 from skinbake.preview.scene import PreviewScene
+from skinbake.preview.shader_light import Gains, gains_rgb
 
 Plane = NDArray[np.float32]
 
@@ -59,7 +59,7 @@ class PreviewImage:
         return self.rgba[..., :3] + (1 - self.rgba[..., 3:]) * np.asarray(background_rgb, np.float32)
 
 
-class Studio:
+class OffscreenRenderer:
     """A scene on the graphics card, for any number of pictures; a context manager."""
 
     def __init__(self, scene: PreviewScene) -> None:
@@ -142,7 +142,7 @@ class Studio:
         self._renderer.delete()
         release_context(self._platform)
 
-    def __enter__(self) -> Studio:
+    def __enter__(self) -> OffscreenRenderer:
         return self
 
     def __exit__(self, kind: type | None, value: BaseException | None, trace: TracebackType | None) -> None:
@@ -158,9 +158,10 @@ def draw(
     supersample: int = 2,
     geometry: bool = False,
 ) -> PreviewImage:
-    """One picture of `scene`; see `Studio.draw`. For several, keep a Studio: the textures are then sent once."""
-    with Studio(scene) as studio:
-        return studio.draw(camera, size, mode, light_gains, supersample, geometry)
+    """One picture of `scene`; see `OffscreenRenderer.draw`. For several, keep one renderer: textures are
+    then sent once."""
+    with OffscreenRenderer(scene) as renderer:
+        return renderer.draw(camera, size, mode, light_gains, supersample, geometry)
 
 
 def _geometry(planes: list[Plane]) -> GeometryBuffer:

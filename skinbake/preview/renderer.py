@@ -21,11 +21,11 @@ from pyrender.shader_program import ShaderProgramCache
 from skinbake.errors import MachineError
 from skinbake.numerics import Float
 from skinbake.preview.camera import Camera
-from skinbake.preview.fold import FoldedLobes
 from skinbake.preview.geometry import vertex_buffers
-from skinbake.preview.lamp import ENVIRONMENT, lamps
+from skinbake.preview.light_sum import SummedLobes
 from skinbake.preview.mode import Mode
 from skinbake.preview.scene import PreviewScene
+from skinbake.preview.shader_light import ENVIRONMENT, shader_lights
 from skinbake.preview.target import FloatTarget
 from skinbake.preview.textures import TileTextures, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
@@ -58,8 +58,8 @@ class SkinRenderer(Renderer):
         self.gbuffer = False
         self.target: FloatTarget | None = None
         self.fold = False
-        self._folded = FoldedLobes()
-        self._lamps = lamps(scene.lights)
+        self._folded = SummedLobes()
+        self._shader_lights = shader_lights(scene.lights)
         self._oil_albedo = upload_oil_albedo()
         self._locations: dict[tuple[int, str], int] = {}
         self._textures: dict[int, TileTextures] = {}
@@ -120,11 +120,11 @@ class SkinRenderer(Renderer):
             textures.delete()
             self._textures[tile] = TileTextures(scene, tile, self._oil_albedo)
         self._folded.delete()
-        self._folded = FoldedLobes()
+        self._folded = SummedLobes()
 
     def set_lights(self, lights: tuple[LightSpec, ...]) -> None:
         """Move the specular's lights; what was baked of them stays as it is."""
-        self._lamps = lamps(lights)
+        self._shader_lights = shader_lights(lights)
 
     def _uses_fold(self) -> bool:
         return self.fold and self.skin.separate and len(self.skin.lights) > 1 and self.mode.name != "none"
@@ -169,7 +169,7 @@ class SkinRenderer(Renderer):
         shown = [self.mode.lobe] if self.mode.name == "lobe" else lobes
         terms = [f"lobe_weight[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
         conserving = self.skin.energy_conservation and self.mode.name != "lobe"
-        mirrored = any(lamp.kind == ENVIRONMENT for lamp in self._lamps) and self.mode.specular
+        mirrored = any(light.kind == ENVIRONMENT for light in self._shader_lights) and self.mode.specular
         after = self.skin.texturing.exponent_before < 1 and self.mode.name in ("full", "diffuse")
         switches = {
             "GBUFFER": self.gbuffer,
@@ -188,7 +188,7 @@ class SkinRenderer(Renderer):
             "SUM_OF_LOBES": " + ".join(terms),
             "N_LOBES": str(len(self.skin.lobes)),
             "N_LAYERS": str(len(self._layer_gains())),
-            "N_LIGHTS": str(len(self._lamps)),
+            "N_LIGHTS": str(len(self._shader_lights)),
             "TILE_NUMBER": f"{tile}.0",
         } | {name: "1" for name, on in switches.items() if on}
 
@@ -196,16 +196,16 @@ class SkinRenderer(Renderer):
         skin, mode, gains = self.skin, self.mode, self.gains_rgb
         one_lobe = mode.name == "lobe"
         weights = np.array([(1.0, 1.0, 1.0) if one_lobe else lobe.weight_rgb for lobe in skin.lobes])
-        lights = np.array([lamp.light for lamp in self._lamps], np.int32)
-        colors = np.array([lamp.color_rgb for lamp in self._lamps]) * gains[lights]
+        lights = np.array([light.light for light in self._shader_lights], np.int32)
+        colors = np.array([light.color_rgb for light in self._shader_lights]) * gains[lights]
         self._set(program, "lobe_weight", weights)
         self._set(program, "layer_gain", self._layer_gains())
         self._set(program, "total_weight", skin.total_weight_rgb[None])
-        self._set(program, "light_kind", np.array([lamp.kind for lamp in self._lamps], np.int32))
+        self._set(program, "light_kind", np.array([light.kind for light in self._shader_lights], np.int32))
         self._set(program, "light_layer", lights)
-        self._set(program, "light_at", np.array([lamp.at for lamp in self._lamps]))
-        self._set(program, "light_axis", np.array([lamp.axis for lamp in self._lamps]))
-        self._set(program, "light_cosines", np.array([lamp.cosines for lamp in self._lamps]))
+        self._set(program, "light_at", np.array([light.at for light in self._shader_lights]))
+        self._set(program, "light_axis", np.array([light.axis for light in self._shader_lights]))
+        self._set(program, "light_cosines", np.array([light.cosines for light in self._shader_lights]))
         self._set(program, "light_color", colors)
         for name, value in (
             ("albedo_exponent_after", 1 - skin.texturing.exponent_before),

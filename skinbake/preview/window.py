@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from skinbake.errors import MachineError
 from skinbake.preview.camera import VIEWS, Camera, view
-from skinbake.preview.caption import caption
 from skinbake.preview.controls import Controls, overlay, press
-from skinbake.preview.lamp import Gains, gains_rgb
 from skinbake.preview.mode import parse_mode
 from skinbake.preview.scene import PreviewScene
+from skinbake.preview.shader_light import Gains, gains_rgb
+from skinbake.preview.text_overlay import overlay_text
 from skinbake.scene.spec import PreviewSpec
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ class PreviewWindow:
 
         if self._text is None:
             self._text = int(GL.glGenTextures(1))
-        ink = caption(self.lines, (target.width, target.height))
+        ink = overlay_text(self.lines, (target.width, target.height))
         GL.glActiveTexture(GL.GL_TEXTURE0)
         GL.glBindTexture(GL.GL_TEXTURE_2D, self._text)
         GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)

@@ -36,7 +36,7 @@ matrix:
     classic: {{skin: {{preset: gpugems3-six-gaussians}}}}
     layered: {{skin: {{preset: donner-three-layer}}}}
   rig:
-    studio: {{lights: [{KEY}, {RIM}, {SKY}]}}
+    renderer: {{lights: [{KEY}, {RIM}, {SKY}]}}
     warm: {{lights: [{KEY.replace("3.0, 2.75", "2.4, 1.5")}, {RIM}, {SKY}]}}
     back: {{lights: [{RIM}, {LAMP}]}}
 """
@@ -84,8 +84,8 @@ def run(quick: bool = False) -> list[dict]:
             batch("no cache", "--no-cache", out="apart"),
             batch("cold"),
             batch("warm"),
-            batch("another rim light", "--only", "*-studio", "--set", "lights.rim.irradiance=[0.9, 1.2, 1.6]"),
-            batch("the same, no cache", "--no-cache", "--force", "--only", "*-studio", out="apart"),
+            batch("another rim light", "--only", "*-renderer", "--set", "lights.rim.irradiance=[0.9, 1.2, 1.6]"),
+            batch("the same, no cache", "--no-cache", "--force", "--only", "*-renderer", out="apart"),
             batch("cold, -j 2", "-j", "2", out="two"),
             batch("cold, two dask workers", "-j", "2", "--dask", "local", out="farm"),
         ]

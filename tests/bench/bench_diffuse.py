@@ -19,10 +19,10 @@ import numpy as np
 from skinbake.atlas import face_mm_per_texel, interpolate, rasterize
 from skinbake.bake.machine import reuse_freed
 from skinbake.diffuse import diffuse
-from skinbake.diffuse.auto import LOOSE
-from skinbake.diffuse.diffuser import Diffuser
-from skinbake.diffuse.plan import fixed_plan
-from skinbake.diffuse.texture import texture_blur, texture_pyramid, widest_level
+from skinbake.diffuse.evaluator import LobeEvaluator
+from skinbake.diffuse.planning.auto import LOOSE
+from skinbake.diffuse.planning.lobe_plan import fixed_plan
+from skinbake.diffuse.texture_space.blur import texture_blur, texture_pyramid, widest_level
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
@@ -243,7 +243,7 @@ def seams(mesh, atlas, source, count: int = 10_000) -> dict:
     cannot be read there), and texels of at most ten times the mean length (faces squeezed to nothing in UV).
     """
     from skinbake.diffuse.probes import bilinear_texels, read_bilinear
-    from skinbake.diffuse.stretch import chart_of_face, uv_vertices
+    from skinbake.diffuse.texture_space.stretch import chart_of_face, uv_vertices
     from tests.diffuse.test_surface import seam_samples
 
     pairs, faces = seam_samples(mesh, count, with_faces=True)
@@ -255,7 +255,7 @@ def seams(mesh, atlas, source, count: int = 10_000) -> dict:
     clean = (length[faces[0]] < 10 * mean) & (length[faces[1]] < 10 * mean)
     for place, face in zip(places, faces, strict=True):
         clean &= (shown[bilinear_texels(place, *atlas[0].shape)[0]] == charts[face][:, None]).all(axis=1)
-    diffuser = Diffuser(source, atlas, mesh, DiffusionSpec(tolerance=0.003))
+    diffuser = LobeEvaluator(source, atlas, mesh, DiffusionSpec(tolerance=0.003))
     images = {"before": source[0]}
     for method in ("texture", "hybrid", "surface"):
         plan = fixed_plan(diffuser, method, 1.99)

@@ -14,7 +14,7 @@ import numpy as np
 
 from skinbake.io.mesh import read_mesh
 from skinbake.preview.camera import view
-from skinbake.preview.draw import Studio
+from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.geometry import vertex_buffers
 from skinbake.preview.mode import Mode
 from skinbake.preview.scene import PreviewLobe, PreviewScene
@@ -76,7 +76,7 @@ def measure(path: Path, sizes: tuple[int, ...]) -> list[dict]:
     rows = []
     scene = bench_scene(path)
     camera = view(scene.mesh, "three-quarter", 1.0)
-    with Studio(scene) as studio:
+    with OffscreenRenderer(scene) as renderer:
         from OpenGL import GL
         from pyrender.constants import RenderFlags
         from pyrender.renderer import Renderer
@@ -89,9 +89,9 @@ def measure(path: Path, sizes: tuple[int, ...]) -> list[dict]:
             def _read_main_framebuffer(self, scene, flags):
                 return None
 
-        graph, ours = stock_graph(scene, camera), studio._renderer
+        graph, ours = stock_graph(scene, camera), renderer._renderer
         ours.fold = True
-        about = f"{studio.device}: {len(scene.mesh.faces)} triangles, lobes {LOBE_SIZES}, {len(scene.lights)} lights"
+        about = f"{renderer.device}: {len(scene.mesh.faces)} triangles, lobes {LOBE_SIZES}, {len(scene.lights)} lights"
         for size in sizes:
             stock = Stock(size, size)
             if ours.target is not None:

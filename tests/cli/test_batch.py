@@ -59,8 +59,8 @@ class Here:
 
 @pytest.fixture
 def here(monkeypatch):
-    monkeypatch.setattr("skinbake.batch.batching.Crew", Here)
-    monkeypatch.setattr("skinbake.bake.workshop._LAST", {})
+    monkeypatch.setattr("skinbake.batch.batching.ProcessPool", Here)
+    monkeypatch.setattr("skinbake.bake.session._LAST", {})
 
 
 @pytest.fixture

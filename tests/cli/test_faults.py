@@ -235,7 +235,7 @@ def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
     from skinbake.bake import look_folder
     from skinbake.io.config import load_look
 
-    stage = look_folder.LookFolder(load_look(bakes.folder / "look.yaml"), verbosity=0)
+    stage = look_folder.BakeFolder(load_look(bakes.folder / "look.yaml"), verbosity=0)
     assert stage.inputs["mesh"]
     read = look_folder.read_scene
 

@@ -15,7 +15,7 @@ from skinbake.errors import InputError, MachineError
 from skinbake.io.config import load_look
 from skinbake.io.mesh import write_obj
 from skinbake.io.tradeoff import append_run, read_runs
-from skinbake.preview.likeness import likeness
+from skinbake.preview.image_metrics import image_similarity
 from skinbake.tradeoff import Row, Sweep, cheapest, difference, pareto_front, plan_sweep
 from tests.conftest import ROOT
 from tests.shapes import relief
@@ -113,11 +113,12 @@ def test_equal_pictures_look_equal():
     """FLIP 0 and SSIM 1 for a picture and itself, worse for more noise."""
     rng = np.random.default_rng(0)
     picture = rng.random((64, 48, 3), dtype=np.float32)
-    flip, ssim = likeness(picture, picture)
+    flip, ssim = image_similarity(picture, picture)
     assert flip == pytest.approx(0, abs=1e-6)
     assert ssim == pytest.approx(1)
     found = [
-        likeness(picture + np.float32(s) * rng.random(picture.shape, dtype=np.float32), picture) for s in (0.05, 0.3)
+        image_similarity(picture + np.float32(s) * rng.random(picture.shape, dtype=np.float32), picture)
+        for s in (0.05, 0.3)
     ]
     assert 0 < found[0][0] < found[1][0]
     assert 1 > found[0][1] > found[1][1]

@@ -198,7 +198,7 @@ def test_probes_are_drawn_by_area():
 
     mesh = joined(quad(90, 40, uv_box=(0, 0, 0.5, 1)), quad(10, 40, 5, uv_box=(0.5, 0, 1, 1)))
     atlas = rasterize(mesh, (64, 64))
-    from skinbake.diffuse.points import texel_points
+    from skinbake.diffuse.surface_space.points import texel_points
 
     points = [texel_points(atlas[0], mesh, np.zeros(3))]
     left = [(draw_probes(atlas, mesh, points, 4000, 0, s).place[:, 1] < 0.5).mean() for s in (0, 1)]

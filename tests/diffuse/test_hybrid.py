@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import interpolate, rasterize
-from skinbake.diffuse.diffuser import Diffuser
-from skinbake.diffuse.lanes import LANES
+from skinbake.diffuse.evaluator import LobeEvaluator
 from skinbake.diffuse.probes import draw_probes
-from skinbake.diffuse.texture import texture_blur
+from skinbake.diffuse.texture_space.blur import texture_blur
+from skinbake.kernels.simd import LANES
 from skinbake.scene.spec import DiffusionSpec
 from tests.shapes import quad, relief, sphere
 
@@ -18,7 +18,7 @@ def diffuser_of(mesh, size=(240, 160), lights=1, edge_mm=0.3, **spec):
     position = interpolate(atlas[0], mesh.corner_position_mm)
     waves = [np.sin(edge_mm * position[..., 0]) > 0.3, np.sin(0.5 * edge_mm * position[..., 1]) > 0.0][:lights]
     light = np.stack([(w * atlas[0].addressed)[..., None] * np.array([1, 0.8, 0.6]) for w in waves])
-    return Diffuser([light.astype(np.float32)], atlas, mesh, DiffusionSpec(**spec))
+    return LobeEvaluator([light.astype(np.float32)], atlas, mesh, DiffusionSpec(**spec))
 
 
 def shares(diffuser, variance, threshold, level=0):
@@ -102,10 +102,12 @@ def test_read_hybrid_is_what_reading_the_map_gives():
 def test_a_light_s_lobe_does_not_depend_on_what_else_is_lit():
     """To the last bit, alone and together, dark lights too."""
     both = diffuser_of(sphere(30, "cube", 48), (240, 160), lights=2)
-    with_dark = Diffuser([np.concatenate([both.source[0], 0 * both.source[0][:1]])], both.atlas, both.mesh, both.spec)
+    with_dark = LobeEvaluator(
+        [np.concatenate([both.source[0], 0 * both.source[0][:1]])], both.atlas, both.mesh, both.spec
+    )
     together = with_dark.map("hybrid", 1.0, 0, 0.8, 0.02)[0]
     for light in range(2):
-        alone = Diffuser([both.source[0][light : light + 1].copy()], both.atlas, both.mesh, both.spec)
+        alone = LobeEvaluator([both.source[0][light : light + 1].copy()], both.atlas, both.mesh, both.spec)
         np.testing.assert_array_equal(alone.map("hybrid", 1.0, 0, 0.8, 0.02)[0][0], together[light])
     assert not together[2].any()
 
@@ -113,7 +115,7 @@ def test_a_light_s_lobe_does_not_depend_on_what_else_is_lit():
 def test_brighter_light_is_summed_at_the_same_texels():
     """The prediction is in units of the light's own mean."""
     diffuser = diffuser_of(relief(), (200, 180))
-    brighter = Diffuser([diffuser.source[0] * np.float32(64)], diffuser.atlas, diffuser.mesh, diffuser.spec)
+    brighter = LobeEvaluator([diffuser.source[0] * np.float32(64)], diffuser.atlas, diffuser.mesh, diffuser.spec)
     first, second = (shares(d, 0.5, 0.02)[0] for d in (diffuser, brighter))
     np.testing.assert_allclose(second, first, atol=1.1 / 255)
 

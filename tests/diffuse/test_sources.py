@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import rasterize
-from skinbake.diffuse.lanes import LANES
-from skinbake.diffuse.sources import (
+from skinbake.diffuse.surface_space.sources import (
     AMPLITUDE,
     LIGHT,
     NARROWING,
@@ -18,7 +17,8 @@ from skinbake.diffuse.sources import (
     sources_around,
     tree_node,
 )
-from skinbake.diffuse.surface import surface_light
+from skinbake.diffuse.surface_space.surface_light import surface_light
+from skinbake.kernels.simd import LANES
 from tests.shapes import sphere
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import interpolate, rasterize
-from skinbake.diffuse.diffuser import Diffuser
-from skinbake.diffuse.points import extended_points, texel_points
+from skinbake.diffuse.evaluator import LobeEvaluator
 from skinbake.diffuse.probes import draw_probes
-from skinbake.diffuse.reference import reference_integral
-from skinbake.diffuse.separate import passes
-from skinbake.diffuse.sources import AMPLITUDE, LIGHT, NORMAL
-from skinbake.diffuse.surface import surface_blur, surface_light
+from skinbake.diffuse.surface_space.pair_rule import pair_weight
+from skinbake.diffuse.surface_space.points import extended_points, texel_points
+from skinbake.diffuse.surface_space.reference_integral import reference_integral
+from skinbake.diffuse.surface_space.sources import AMPLITUDE, LIGHT, NORMAL
+from skinbake.diffuse.surface_space.surface_light import surface_blur, surface_light
 from skinbake.io.mesh import read_mesh
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
@@ -63,7 +63,7 @@ def test_reference_equals_brute_force(variance, separate):
 def test_clusters_are_as_wrong_as_their_spacing(spacing, allowed, variance):
     """Against the reference at every texel of a bump, relative rms."""
     mesh, atlas, (light,) = _bumps()
-    diffuser = Diffuser([light], atlas, mesh, DiffusionSpec())
+    diffuser = LobeEvaluator([light], atlas, mesh, DiffusionSpec())
     points = diffuser.surface.tiles[0][0]
     exact = diffuser.map("reference", variance, 0, 0.0)[0]
     target = [dataclasses.replace(points)]
@@ -79,7 +79,7 @@ def test_a_flat_wave_is_damped_as_the_plane_s_integral_says():
     x = interpolate(atlas[0], mesh.corner_position_mm)[..., 0]
     k = 2 * np.pi / 40
     light = np.repeat((0.5 + 0.4 * np.cos(k * x))[None, ..., None], 3, axis=3).astype(np.float32)
-    diffuser = Diffuser([light], atlas, mesh, DiffusionSpec())
+    diffuser = LobeEvaluator([light], atlas, mesh, DiffusionSpec())
     got = diffuser.map("surface", 25.0, 0, 0.5)[0][0, 50, :, 1]
     want = 0.5 + 0.4 * np.exp(-25 * k**2 / 2) * np.cos(k * x[50])
     np.testing.assert_allclose(got[15:-15], want[15:-15], atol=2e-3)
@@ -92,7 +92,7 @@ def test_constant_light_stays_constant(method, variance):
     mesh = sphere(20, "cube", 16)
     atlas = rasterize(mesh, (60, 45), gutter=3)
     light = np.where(atlas[0].addressed[..., None], np.float32(3.7), np.float32(0))[None] * np.ones(3, np.float32)
-    got = Diffuser([light], atlas, mesh, DiffusionSpec()).map(method, variance, 0, 0.8, 0.01)[0]
+    got = LobeEvaluator([light], atlas, mesh, DiffusionSpec()).map(method, variance, 0, 0.8, 0.01)[0]
     np.testing.assert_allclose(got[0][atlas[0].covered], 3.7, rtol=1e-5)
 
 
@@ -110,7 +110,7 @@ def test_layouts_of_a_sphere_agree(radius):
             n = interpolate(raster, mesh.corner_position_mm) / np.float32(radius)
             e = np.maximum(n @ np.array([0.6, 0.0, 0.8], np.float32), 0) * (1.5 + np.sin(5 * n[..., 1]))
             light.append((e[None, ..., None] * np.ones(3)).astype(np.float32))
-        diffuser = Diffuser(light, atlas, mesh, DiffusionSpec(tolerance=0.001))
+        diffuser = LobeEvaluator(light, atlas, mesh, DiffusionSpec(tolerance=0.001))
         variance = (0.08 * radius) ** 2
         probes = draw_probes(atlas, mesh, [p for p, _, _ in diffuser.surface.tiles], 1, 0)
         count = len(direction)
@@ -130,7 +130,7 @@ def test_both_sides_of_a_seam_agree():
     mesh = sphere(30, "cube", 48)
     atlas = rasterize(mesh, (300, 200))
     light = _lit(mesh, atlas)
-    diffuser = Diffuser(light, atlas, mesh, DiffusionSpec())
+    diffuser = LobeEvaluator(light, atlas, mesh, DiffusionSpec())
     pairs = seam_samples(mesh, 2000)
     for variance, level in ((2.0, 0), (8.0, 1)):
         image = diffuser.map("surface", variance, level, 0.6)[0]
@@ -175,9 +175,9 @@ def test_a_light_alone_gives_the_same_bytes_as_in_a_group():
     mesh = relief()
     atlas = rasterize(mesh, (70, 61))
     group = _lit(mesh, atlas, lights=3)[0]
-    together = Diffuser([group], atlas, mesh, DiffusionSpec()).map("surface", 1.5, 0, 0.8)[0]
+    together = LobeEvaluator([group], atlas, mesh, DiffusionSpec()).map("surface", 1.5, 0, 0.8)[0]
     for k in range(3):
-        alone = Diffuser([group[k : k + 1]], atlas, mesh, DiffusionSpec()).map("surface", 1.5, 0, 0.8)[0]
+        alone = LobeEvaluator([group[k : k + 1]], atlas, mesh, DiffusionSpec()).map("surface", 1.5, 0, 0.8)[0]
         np.testing.assert_array_equal(alone[0], together[k])
 
 
@@ -185,8 +185,9 @@ def test_bytes_do_not_depend_on_the_number_of_threads():
     """One thread and two."""
     code = (
         "import numba, hashlib; numba.set_num_threads({n});"
-        "from tests.diffuse.test_surface import _bumps; from skinbake.diffuse.diffuser import Diffuser;"
-        "from skinbake.scene.spec import DiffusionSpec; m, a, l = _bumps(); d = Diffuser(l, a, m, DiffusionSpec());"
+        "from tests.diffuse.test_surface import _bumps; from skinbake.diffuse.evaluator import LobeEvaluator;"
+        "from skinbake.scene.spec import DiffusionSpec; m, a, l = _bumps();"
+        "d = LobeEvaluator(l, a, m, DiffusionSpec());"
         "print([hashlib.sha256(d.map(x, 0.6, 0, 0.8)[0].tobytes()).hexdigest() for x in ('texture', 'surface')])"
     )
     results = {
@@ -208,7 +209,9 @@ def test_facing_skin_is_kept_apart_and_thin_skin_is_not():
         light[:, :, :60] = 1
         for separate in (True, False):
             spec = DiffusionSpec(separate=separate)
-            received[name, separate] = Diffuser([light], atlas, mesh, spec).map("surface", 4.0, 0, 0.8)[0][0, 30, 90, 0]
+            received[name, separate] = LobeEvaluator([light], atlas, mesh, spec).map("surface", 4.0, 0, 0.8)[0][
+                0, 30, 90, 0
+            ]
     assert received["lips", True] < 0.03
     assert received["lips", False] > 0.4
     assert received["ear", True] == pytest.approx(received["ear", False], abs=1e-6)
@@ -220,8 +223,8 @@ def test_the_pair_rule_is_symmetric_and_smooth():
     rng = np.random.default_rng(0)
     for _ in range(200):
         c, i, j = rng.uniform(-1, 1, 3)
-        assert passes(c, i, j, 1.0) == passes(c, j, i, 1.0)
-        assert abs(passes(c, i, j, 1.0) - passes(c + 1e-4, i + 1e-4, j, 1.0)) < 1e-2
+        assert pair_weight(c, i, j, 1.0) == pair_weight(c, j, i, 1.0)
+        assert abs(pair_weight(c, i, j, 1.0) - pair_weight(c + 1e-4, i + 1e-4, j, 1.0)) < 1e-2
 
 
 def test_not_normalised_a_plane_keeps_its_light_and_a_border_loses_half():
@@ -231,7 +234,7 @@ def test_not_normalised_a_plane_keeps_its_light_and_a_border_loses_half():
     spec = DiffusionSpec(method="surface", normalise=False)
     light = np.ones((1, 120, 120, 3), np.float32)
     for method in ("surface", "reference"):
-        got = Diffuser([light], atlas, mesh, spec).map(method, 9.0, 0, 0.8)[0][0, ..., 0]
+        got = LobeEvaluator([light], atlas, mesh, spec).map(method, 9.0, 0, 0.8)[0][0, ..., 0]
         assert got[60, 60] == pytest.approx(1, abs=4e-3)
         assert got[60, 0] == pytest.approx(0.5, abs=0.04)
         assert got[0, 0] == pytest.approx(0.25, abs=0.04)
@@ -252,5 +255,5 @@ def test_no_texel_of_a_scan_stays_dark_in_constant_light(lee_perry_smith, method
     mesh = read_mesh(str(lee_perry_smith / "head.obj"), 50.35)
     atlas = rasterize(mesh, (512, 512))
     light = np.where(atlas[0].addressed[None, ..., None], np.float32(0.7), np.float32(0)).repeat(3, axis=3)
-    image = Diffuser([light], atlas, mesh, DiffusionSpec()).map(method, 0.0064, 0, 0.8)[0]
+    image = LobeEvaluator([light], atlas, mesh, DiffusionSpec()).map(method, 0.0064, 0, 0.8)[0]
     np.testing.assert_allclose(image[0][atlas[0].addressed], 0.7, rtol=1e-5)

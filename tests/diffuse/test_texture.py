@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from skinbake.diffuse.texture import level_size, mean_mm_per_texel, texture_blur, texture_pyramid, widest_level
+from skinbake.diffuse.texture_space.blur import (
+    level_size,
+    mean_mm_per_texel,
+    texture_blur,
+    texture_pyramid,
+    widest_level,
+)
 from tests.diffuse.exact import fft_blur
 from tests.shapes import quad
 

@@ -7,8 +7,8 @@ import pytest
 
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
-from skinbake.diffuse.slab_weights import SlabWeights, effective_medium, fit_slabs, slab_weights
-from skinbake.diffuse.transmission import far_side, transmit
+from skinbake.diffuse.terms.slab_weights import SlabWeights, effective_medium, fit_slabs, slab_weights
+from skinbake.diffuse.terms.transmission import far_side, transmit
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.occluder import Occluder
 from skinbake.profile import GaussianSum

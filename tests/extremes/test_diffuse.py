@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse import diffuse
 from skinbake.diffuse.lattice import discrete_gaussian
-from skinbake.diffuse.stretch import stretch_blur
+from skinbake.diffuse.texture_space.stretch import stretch_blur
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.spec import DiffusionSpec
 from tests.extremes.moves import moved, relative, rotation, uv_turned

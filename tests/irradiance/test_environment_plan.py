@@ -9,9 +9,9 @@ from skinbake.atlas import rasterize
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.occluder import Occluder
+from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.maps import SkinMaps
-from skinbake.scene.plan_line import PlanLine
 from tests.shapes import joined, quad, relief, sphere
 
 SIZE = (96, 64)
@@ -151,7 +151,7 @@ def test_the_plan_is_kept_with_the_light(tmp_path):
     for out, more in (("a", cache), ("a", ["--set", "skin.variance_mm2=[0.6]"]), ("b", cache)):
         assert run(["bake", str(look), "--out", str(tmp_path / out), "--quiet", "--no-preview", *more]) in (0, 1)
         plan = json.loads((tmp_path / out / "bake.json").read_text())["plan"]
-        told.append([PlanLine(**line) for line in plan if line["term"].startswith("sky.")])
+        told.append([Decision(**line) for line in plan if line["term"].startswith("sky.")])
     assert [line.term for line in told[0]] == ["sky.harmonics", "sky.shadows"]
     assert told[0] == told[1] == told[2]
 

@@ -34,7 +34,7 @@ def edges_with_other_than_two_faces(faces):
 
 @pytest.mark.parametrize("segments", [12, 16, 24])
 def test_a_coarse_sphere_becomes_round(segments):
-    """Vertices of the refined mesh lie on the sphere to a twentieth of what the facets missed, and it is closed."""
+    """The refined mesh lies on the sphere to a twentieth of what the coarse facets missed, and it is closed."""
     radius = 80.0
     mesh = sphere(radius, "latlong", segments)
     fine = smooth_surface(mesh)

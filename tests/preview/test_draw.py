@@ -7,10 +7,10 @@ import pytest
 
 from skinbake.errors import InputError, MachineError
 from skinbake.preview.camera import view
-from skinbake.preview.draw import Studio, draw
-from skinbake.preview.lamp import gains_rgb
+from skinbake.preview.draw import OffscreenRenderer, draw
 from skinbake.preview.mode import Mode
 from skinbake.preview.scene import PreviewLobe
+from skinbake.preview.shader_light import gains_rgb
 from skinbake.preview.target import STRIP
 from skinbake.scene.lights import DirectionalLight, PointLight
 from skinbake.scene.maps import SkinMaps
@@ -25,9 +25,9 @@ MODES = [Mode("full"), Mode("diffuse"), Mode("specular"), Mode("none"), Mode("lo
 
 
 @pytest.fixture(scope="module")
-def studio():
+def renderer():
     try:
-        with Studio(scene()) as opened:
+        with OffscreenRenderer(scene()) as opened:
             yield opened
     except MachineError as error:
         pytest.skip(str(error))
@@ -52,13 +52,13 @@ def same_as_numpy(opened, mode, fold=False):
 
 
 @pytest.mark.parametrize("mode", MODES, ids=str)
-def test_every_mode_matches_numpy_from_the_same_pixels(studio, mode):
-    assert same_as_numpy(studio, mode) >= 0.999
+def test_every_mode_matches_numpy_from_the_same_pixels(renderer, mode):
+    assert same_as_numpy(renderer, mode) >= 0.999
 
 
 @pytest.mark.parametrize("mode", MODES, ids=str)
-def test_folded_lights_match_as_well(studio, mode):
-    assert same_as_numpy(studio, mode, fold=True) >= 0.999
+def test_folded_lights_match_as_well(renderer, mode):
+    assert same_as_numpy(renderer, mode, fold=True) >= 0.999
 
 
 @pytest.mark.parametrize(
@@ -71,86 +71,86 @@ def test_folded_lights_match_as_well(studio, mode):
     ],
     ids=["post-scatter", "no maps", "two tiles, float", "object space"],
 )
-def test_other_scenes_match_as_well(studio, changes):
-    with Studio(scene(**changes)) as other:
+def test_other_scenes_match_as_well(renderer, changes):
+    with OffscreenRenderer(scene(**changes)) as other:
         for mode in MODES[:4]:
             assert same_as_numpy(other, mode) >= 0.999
 
 
-def test_lights_that_the_bake_summed_match_and_take_no_gains(studio):
+def test_lights_that_the_bake_summed_match_and_take_no_gains(renderer):
     whole = scene()
     summed = tuple(
         replace(x, rgb={t: rgb.astype(np.float32).sum(0, keepdims=True) for t, rgb in x.rgb.items()})
         for x in whole.lobes
     )
-    with Studio(replace(whole, lobes=summed, separate=False)) as other:
+    with OffscreenRenderer(replace(whole, lobes=summed, separate=False)) as other:
         for mode in MODES[:4]:
             assert same_as_numpy(other, mode) >= 0.999
         with pytest.raises(InputError, match=r"output\.lights: separate"):
             other.draw(view(whole.mesh, "front", 1.0), (16, 16), light_gains={"key": 2.0})
 
 
-def test_the_picture_is_linear_in_the_light_gains(studio):
-    camera = view(studio.scene.mesh, "front", 1.0)
+def test_the_picture_is_linear_in_the_light_gains(renderer):
+    camera = view(renderer.scene.mesh, "front", 1.0)
     off = {light.name: 0.0 for light in LIGHTS}
-    alone = [studio.draw(camera, (64, 64), light_gains=off | {light.name: 1.0}).rgba[..., :3] for light in LIGHTS]
-    np.testing.assert_allclose(sum(alone), studio.draw(camera, (64, 64)).rgba[..., :3], rtol=2e-5, atol=1e-6)
+    alone = [renderer.draw(camera, (64, 64), light_gains=off | {light.name: 1.0}).rgba[..., :3] for light in LIGHTS]
+    np.testing.assert_allclose(sum(alone), renderer.draw(camera, (64, 64)).rgba[..., :3], rtol=2e-5, atol=1e-6)
     assert all(image.max() > 1e-3 for image in alone)
 
 
-def test_the_same_picture_comes_again_bit_for_bit(studio):
-    camera = view(studio.scene.mesh, "left", 0.8)
-    first = studio.draw(camera, (96, 120)).rgba
-    again = draw(studio.scene, camera, (96, 120)).rgba  # another context
+def test_the_same_picture_comes_again_bit_for_bit(renderer):
+    camera = view(renderer.scene.mesh, "left", 0.8)
+    first = renderer.draw(camera, (96, 120)).rgba
+    again = draw(renderer.scene, camera, (96, 120)).rgba  # another context
     assert first.tobytes() == again.tobytes()
 
 
-def test_textures_may_come_when_all_else_is_ready(studio):
+def test_textures_may_come_when_all_else_is_ready(renderer):
     """After others in number and size: the same picture bit for bit, folded or not; another mesh is refused."""
-    whole = studio.scene
+    whole = renderer.scene
     lobe = PreviewLobe({1001: np.zeros((len(LIGHTS), 1, 1, 3), np.float16)}, (1.0, 1.0, 1.0), 0.0)
     stand_in = replace(whole, lobes=(lobe,) * 2, maps=SkinMaps())
     camera = view(whole.mesh, "three-quarter", 1.0)
-    with Studio(stand_in) as later:
+    with OffscreenRenderer(stand_in) as later:
         for fold in (False, True):
-            studio._renderer.fold = later._renderer.fold = fold
+            renderer._renderer.fold = later._renderer.fold = fold
             later.draw(camera, (32, 32))
             later.set_scene(whole)
-            got, want = later.draw(camera, (64, 64)), studio.draw(camera, (64, 64))
+            got, want = later.draw(camera, (64, 64)), renderer.draw(camera, (64, 64))
             later.set_scene(stand_in)
-            studio._renderer.fold = False
+            renderer._renderer.fold = False
             assert got.rgba.tobytes() == want.rgba.tobytes()
         with pytest.raises(ValueError, match="same mesh"):
             later.set_scene(scene())
 
 
-def test_near_and_far_views_follow_one_another(studio):
+def test_near_and_far_views_follow_one_another(renderer):
     """A camera may come closer than the near plane of the picture before, and go beyond its far plane."""
-    far = view(studio.scene.mesh, "front", 1.0)
+    far = view(renderer.scene.mesh, "front", 1.0)
     near, away = (replace(far, distance_mm=far.distance_mm * times) for times in (0.02, 40))
-    pictures = [studio.draw(camera, (48, 48), Mode("full")).rgba for camera in (far, near, away, near, far)]
+    pictures = [renderer.draw(camera, (48, 48), Mode("full")).rgba for camera in (far, near, away, near, far)]
     np.testing.assert_array_equal(pictures[0], pictures[4])
     np.testing.assert_array_equal(pictures[1], pictures[3])
 
 
-def test_supersampling_is_the_mean_of_the_finer_picture(studio):
+def test_supersampling_is_the_mean_of_the_finer_picture(renderer):
     """Also in more than one strip of rows, the last one lower than the others."""
-    camera = view(studio.scene.mesh, "front", 30 / 2.5 / STRIP)
+    camera = view(renderer.scene.mesh, "front", 30 / 2.5 / STRIP)
     rows = 5 * STRIP // 2
-    fine = studio.draw(camera, (90, 3 * rows), supersample=1).rgba.astype(np.float64)
-    coarse = studio.draw(camera, (30, rows), supersample=3).rgba
+    fine = renderer.draw(camera, (90, 3 * rows), supersample=1).rgba.astype(np.float64)
+    coarse = renderer.draw(camera, (30, rows), supersample=3).rgba
     np.testing.assert_allclose(coarse, fine.reshape(rows, 3, 30, 3, 4).mean((1, 3)), rtol=1e-6, atol=1e-7)
     assert len(np.unique(coarse[..., 3])) > 3  # smooth edges
 
 
-def test_an_unknown_light_is_refused_by_name(studio):
+def test_an_unknown_light_is_refused_by_name(renderer):
     with pytest.raises(InputError, match="key, lamp, spot, box, sky, got kicker"):
-        studio.draw(view(studio.scene.mesh, "front", 1.0), (8, 8), light_gains={"kicker": 1.0})
+        renderer.draw(view(renderer.scene.mesh, "front", 1.0), (8, 8), light_gains={"kicker": 1.0})
 
 
 @pytest.mark.parametrize("roughness", [1e-4, 1e-2, 0.3, 1.0])
 @pytest.mark.parametrize("strength", [1 / np.pi, 5.0])
-def test_extremes_are_finite_and_not_negative(studio, roughness, strength):
+def test_extremes_are_finite_and_not_negative(renderer, roughness, strength):
     behind = DirectionalLight(name="behind", type="directional", direction=(0, 0, 1), irradiance=(1e5,) * 3)  # L = -V
     grazing = DirectionalLight(name="grazing", type="directional", direction=(1, 0, 0), irradiance=(1.0,) * 3)
     inside = PointLight(name="inside", type="point", position_mm=(0.0, 0.0, 0.0), intensity=(1e30,) * 3)
@@ -165,14 +165,14 @@ def test_extremes_are_finite_and_not_negative(studio, roughness, strength):
     hard = replace(
         whole, lights=lights, lobes=(tiny, huge), irradiance=one, visibility={1001: np.ones((n, 1, 1), np.float32)}
     )
-    with Studio(hard) as opened:
+    with OffscreenRenderer(hard) as opened:
         for mode in MODES[:4]:
             rgba = opened.draw(view(hard.mesh, "front", 1.0), (65, 65), mode).rgba
             assert np.isfinite(rgba).all()
             assert rgba.min() >= 0
 
 
-def test_a_lambertian_quad_gives_back_its_exitance_over_pi(studio):
+def test_a_lambertian_quad_gives_back_its_exitance_over_pi(renderer):
     white = SkinMaps()
     one = {1001: np.ones((1, 3, 5, 3), np.float16)}
     plain = replace(

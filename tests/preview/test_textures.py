@@ -11,10 +11,10 @@ from tests.preview.scenes import scene
 
 @pytest.fixture(scope="module", autouse=True)
 def context():
-    from skinbake.preview.draw import Studio
+    from skinbake.preview.draw import OffscreenRenderer
 
     try:
-        with Studio(scene()):
+        with OffscreenRenderer(scene()):
             yield
     except MachineError as error:
         pytest.skip(str(error))

@@ -64,7 +64,7 @@ vec3 shading_normal(vec3 n)
 }
 
 // Takes light off mapped normals that face a light which the skin under them turns away from [Chiang2019]
-float soften(float cos_mapped, float cos_smooth, float cos_between)
+float bump_terminator(float cos_mapped, float cos_smooth, float cos_between)
 {
     if (cos_smooth <= 0.0)
         return 0.0;
@@ -166,7 +166,7 @@ void main()
         if (n_dot_l > 0.0) {
             float seen = texture(visibility, vec3(frag_uv, light_layer[i])).r;
 #ifdef HAS_NORMAL_MAP
-            seen *= soften(n_dot_l, dot(smooth_normal, l), dot(smooth_normal, n));
+            seen *= bump_terminator(n_dot_l, dot(smooth_normal, l), dot(smooth_normal, n));
 #endif
             color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, m));
         }

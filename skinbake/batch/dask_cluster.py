@@ -1,0 +1,127 @@
+"""The same jobs on a Dask cluster, an existing one or one of our own. Files are on a disk that all its machines see.
+
+A job is one task: it is never split over writers of one file. The job of a worker that is lost is taken up by another,
+which waits for the folder's lock, should the first one still be alive somewhere.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import platform
+import threading
+import uuid
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from skinbake.batch.process_pool import Listen, Work, fewer_threads
+from skinbake.errors import InputError, MachineError, SkinbakeError
+
+LOCAL = "local"
+CONNECT_S = 15
+_ONE_BAKE = threading.Lock()  # kernels use every thread of a process: a worker with several would run them at once
+
+
+def run_on_dask(
+    address: str,
+    work: Work,
+    payloads: Mapping[str, Any],
+    listen: Listen,
+    workers: int = 1,
+    retries: int = 1,
+    keep_going: bool = True,
+) -> dict[str, dict[str, Any]]:
+    """Result of each job by name, as `pool.ProcessPool.run` gives them.
+
+    Parameters
+    ----------
+    address : str
+        Of a scheduler ("tcp://host:8786"), or "local" for a cluster of `workers` processes here.
+    retries : int
+        How often a job is tried again after its machine failed it; bad input is not tried again.
+
+    Raises
+    ------
+    InputError
+        The address is not one.
+    MachineError
+        The extra `farm` is not installed, or no scheduler answers.
+    """
+    with _client(address, workers) as client:
+        from distributed import as_completed
+
+        topic = f"skinbake-{uuid.uuid4().hex}"
+        client.subscribe_topic(topic, lambda event: listen(event[1]["name"], event[1]))
+        futures = {
+            client.submit(
+                _on_worker, work, payload, name, topic, key=f"{name}-{topic}", retries=retries, pure=False
+            ): name
+            for name, payload in payloads.items()
+        }
+        results: dict[str, dict[str, Any]] = {}
+        for future in as_completed(list(futures)):
+            name = futures[future]
+            results[name] = _result(future)
+            listen(name, {"event": "end", **results[name]})
+            future.release()
+            if results[name]["status"] == "failed" and not keep_going:
+                break
+        left = [future for future, name in futures.items() if name not in results]
+        if left:
+            client.cancel(left)
+    return {name: results.get(name, {"status": "skipped", "error": "an earlier job failed"}) for name in payloads}
+
+
+def _result(future: Any) -> dict[str, Any]:
+    try:
+        return dict(future.result())
+    except SkinbakeError as error:
+        return {"status": "failed", "error": str(error)}
+    except BaseException as error:  # a lost worker, a cancelled task, a fault of ours: the other jobs go on
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        return {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+
+
+def _on_worker(work: Work, payload: Any, name: str, topic: str) -> dict[str, Any]:
+    """One job, on a worker."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    with _ONE_BAKE:
+        worker.log_event(topic, {"name": name, "event": "begin", "host": platform.node()})
+        result = work(payload, lambda event: worker.log_event(topic, {"name": name, **event}))
+    return result | {"host": platform.node()}
+
+
+@contextlib.contextmanager
+def _client(address: str, workers: int) -> Iterator[Any]:
+    try:
+        import distributed
+        from distributed.comm import get_address_host_port
+    except ImportError as error:
+        raise MachineError("--dask: dask.distributed is not installed; pip install 'skinbake[farm]'") from error
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    with contextlib.ExitStack() as stack:
+        if address == LOCAL:
+            stack.enter_context(fewer_threads(workers))
+            try:
+                cluster = distributed.LocalCluster(
+                    n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
+                )
+            except (OSError, TimeoutError, RuntimeError) as error:
+                raise MachineError(f"--dask local: its {workers} processes did not start: {error}; use -j") from error
+            address = stack.enter_context(cluster).scheduler_address
+        else:
+            try:
+                get_address_host_port(address)
+            except ValueError as error:
+                raise InputError(f"--dask {address}: expected HOST:PORT or {LOCAL}, got: {error}") from error
+        try:
+            client = distributed.Client(address, timeout=CONNECT_S)
+        except Exception as error:  # dask takes what another protocol says for lengths: MemoryError, struct.error, ...
+            raise MachineError(
+                f"--dask {address}: no scheduler answers there; `dask scheduler` starts one, `dask worker {address}` "
+                f"gives it workers ({type(error).__name__})"
+            ) from error
+        yield stack.enter_context(client)

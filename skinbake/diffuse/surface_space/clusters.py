@@ -1,0 +1,219 @@
+"""Area-weighted moments of blocks of texels: which blocks are small and flat enough to be one source of a surface sum.
+
+Texels next to one another in a chart are next to one another on the skin, so a quadtree over the texture is already
+a spatial hierarchy; where a block holds two charts, its spread in space says so and the cut goes deeper. The cut
+adapts to the local stretch by itself, and costs one pass over the texels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.diffuse.surface_space.points import TexelPoints
+
+LEVELS = 6  # blocks of up to 64 x 64 texels
+MIN_ALIGNMENT = 0.8  # |mean of unit normals| below this: the block bends too much to be one cluster
+_MOMENTS = 8  # area, centroid x y z, spread, normal x y z
+
+
+@dataclass(frozen=True)
+class MomentPyramid:
+    """Blocks of 2, 4, ... 64 texels a side of one tile, one level after another, each in raster order.
+
+    Attributes
+    ----------
+    moments : ndarray of shape (B, 8), float32
+        area_mm2, centroid (3), spread_mm2 (trace of the area-weighted covariance / 2: variance along each tangent
+        direction), mean normal (3, not unit).
+    radiosity : ndarray of shape (B, C), float32
+        Area-weighted mean.
+    start, width : ndarray of shape (6,), int64
+        First block of each level, and how many it has in a row.
+    """
+
+    moments: NDArray[np.float32]
+    radiosity: NDArray[np.float32]
+    start: NDArray[np.int64]
+    width: NDArray[np.int64]
+
+
+def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> MomentPyramid:
+    """Moments of all blocks.
+
+    Parameters
+    ----------
+    radiosity : ndarray of shape (L, H * W, 3), float32
+        By flat texel; C = 3 L.
+    """
+    channels = 3 * len(radiosity)
+    sizes = [tuple(-(-side >> level) for side in points.row.shape) for level in range(1, LEVELS + 1)]
+    start = np.cumsum([0, *(h * w for h, w in sizes)])
+    moments = np.zeros((start[-1], _MOMENTS), np.float32)
+    means = np.zeros((start[-1], channels), np.float32)
+    views = [
+        (moments[a:b].reshape(*size, -1), means[a:b].reshape(*size, -1))
+        for a, b, size in zip(start[:-1], start[1:], sizes, strict=True)
+    ]
+    _first_level(points.row, points.position, points.normal, points.area_mm2, radiosity, *views[0])
+    for fine, coarse in pairwise(views):
+        _next_level(*fine, *coarse)
+    return MomentPyramid(moments, means, start[:-1], np.array([w for _, w in sizes]))
+
+
+@njit(cache=True, inline="always")
+def is_cluster(moments, max_spread_mm2):  # type: ignore[no-untyped-def]
+    """Whether a block's skin is small enough, and flat enough, to be one source."""
+    aligned = moments[5] ** 2 + moments[6] ** 2 + moments[7] ** 2 >= MIN_ALIGNMENT**2
+    return moments[0] > 0 and moments[4] <= max_spread_mm2 and aligned
+
+
+def contrast(points: TexelPoints, pyramid: MomentPyramid) -> NDArray[np.float32]:
+    """Where errors will be, (T,): change of the light around each point, over 4, 16 and 64 texels, and of texels' size.
+
+    The second part, in units of the light around, finds borders of charts and skin that the UVs squeeze or stretch.
+    Found for blocks of 2 x 2 texels, which is as fine as it need be.
+    """
+    blocks = np.empty(pyramid.start[1], np.float32)
+    _contrast(pyramid.moments, pyramid.radiosity, pyramid.start, pyramid.width, blocks)
+    changes = np.empty(len(points.flat_index), np.float32)
+    _of_texels(points.flat_index, points.row.shape[1], blocks, pyramid.width[0], changes)
+    return changes
+
+
+@njit(cache=True, parallel=True)
+def _contrast(moments, radiosity, start, width, changes):  # type: ignore[no-untyped-def]
+    faint = np.float32(1e-12)
+    for k in prange(len(changes)):
+        changes[k] = 0
+        if moments[k, 0] <= 0:
+            continue
+        row, col = k // width[0], k % width[0]
+        change, fine = np.float32(0), radiosity[k].sum()
+        for level in (1, 3, 5):
+            coarse = radiosity[start[level] + (row >> level) * width[level] + (col >> level)].sum()
+            change += abs(fine - coarse)
+            fine = coarse
+        block = start[1] + (row >> 1) * width[1] + (col >> 1)
+        mean_area = max(moments[block, 0], faint)
+        uneven = abs(np.log(max(moments[k, 0], faint) * np.float32(4) / mean_area))
+        # A square's spread is a twelfth of its area
+        stretched = np.log(max(np.float32(12) * moments[block, 4] / mean_area, np.float32(1)))
+        around = np.float32(0.3) * fine
+        changes[k] = change + (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
+
+
+@njit(cache=True, parallel=True)
+def _of_texels(flat_index, columns, blocks, width, changes):  # type: ignore[no-untyped-def]
+    for k in prange(len(changes)):
+        row, col = flat_index[k] // columns, flat_index[k] % columns
+        changes[k] = blocks[(row >> 1) * width + (col >> 1)]
+
+
+def bending(pyramid: MomentPyramid) -> NDArray[np.float32]:
+    """How far each block's light is from halfway between that of its neighbours, the largest of a light's channels.
+
+    Along rows or columns, whichever is more, where both neighbours are there.
+
+    Returns
+    -------
+    ndarray of shape (B, L), float32
+    """
+    bend = np.zeros((len(pyramid.moments), pyramid.radiosity.shape[1] // 3), np.float32)
+    stop = np.append(pyramid.start[1:], len(bend))
+    for start, end, width in zip(pyramid.start, stop, pyramid.width, strict=True):
+        _bending(pyramid.moments[start:end, 0], pyramid.radiosity[start:end], width, bend[start:end])
+    return bend
+
+
+@njit(cache=True, parallel=True)
+def _bending(area, light, width, bend):  # type: ignore[no-untyped-def]
+    for k in prange(len(area)):
+        if area[k] <= 0:
+            continue
+        for step, first, last in (
+            (1, k % width == 0, k % width == width - 1),
+            (width, k < width, k + width >= len(area)),
+        ):
+            if first or last or area[k - step] <= 0 or area[k + step] <= 0:
+                continue
+            for c in range(light.shape[1]):
+                middle = np.float32(0.5) * (light[k - step, c] + light[k + step, c])
+                bend[k, c // 3] = max(bend[k, c // 3], abs(light[k, c] - middle))
+
+
+@njit(cache=True, parallel=True)
+def _first_level(row_of, position, normal, area, radiosity, out, mean):  # type: ignore[no-untyped-def]
+    height, width = row_of.shape
+    for i in prange(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = np.float32(0)
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    k = row_of[r, c]
+                    if k < 0 or area[k] <= 0:
+                        continue
+                    total += area[k]
+                    for axis in range(3):
+                        out[i, j, 1 + axis] += area[k] * position[k, axis]
+                        out[i, j, 5 + axis] += area[k] * normal[k, axis]
+                    for light in range(len(radiosity)):
+                        for q in range(3):
+                            mean[i, j, 3 * light + q] += area[k] * radiosity[light, r * width + c, q]
+            if total <= 0:
+                continue
+            _divide(out[i, j], mean[i, j], total)
+            spread = np.float32(0)
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    k = row_of[r, c]
+                    if k >= 0 and area[k] > 0:
+                        for axis in range(3):
+                            d = position[k, axis] - out[i, j, 1 + axis]
+                            spread += area[k] * d * d
+            out[i, j, 4] = spread / total * np.float32(0.5)
+
+
+@njit(cache=True, parallel=True)
+def _next_level(fine, fine_mean, out, mean):  # type: ignore[no-untyped-def]
+    height, width = fine.shape[:2]
+    for i in prange(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = np.float32(0)
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    a = fine[r, c, 0]
+                    total += a
+                    for axis in range(3):
+                        out[i, j, 1 + axis] += a * fine[r, c, 1 + axis]
+                        out[i, j, 5 + axis] += a * fine[r, c, 5 + axis]
+                    for q in range(mean.shape[2]):
+                        mean[i, j, q] += a * fine_mean[r, c, q]
+            if total <= 0:
+                continue
+            _divide(out[i, j], mean[i, j], total)
+            # Parallel axes: spread about the common centroid, without the cancellation of raw second moments
+            spread = np.float32(0)
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    a = fine[r, c, 0]
+                    away = np.float32(0)
+                    for axis in range(3):
+                        d = fine[r, c, 1 + axis] - out[i, j, 1 + axis]
+                        away += d * d
+                    spread += a * (fine[r, c, 4] + away * np.float32(0.5))
+            out[i, j, 4] = spread / total
+
+
+@njit(cache=True, inline="always")
+def _divide(moments, mean, total):  # type: ignore[no-untyped-def]
+    moments[0] = total
+    for axis in range(3):
+        moments[1 + axis] /= total
+        moments[5 + axis] /= total
+    for q in range(mean.shape[0]):
+        mean[q] /= total

@@ -1,0 +1,313 @@
+"""The hot loop of the surface method: Gaussian sums over a tree of sources, sixteen targets abreast.
+
+The lanes of the inner loops are neighbouring targets, not sources: each lane adds its sources in one fixed order, so
+the result depends neither on the number of threads nor on the width of the machine's vectors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_variance
+from skinbake.diffuse.surface_space.pair_rule import pair_weight
+from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.diffuse.surface_space.sources import (
+    AMPLITUDE,
+    LIGHT,
+    NARROWING,
+    NORMAL,
+    STACK,
+    SourceTree,
+    near_boxes,
+    near_sources,
+    opposite_sources,
+    sources_around,
+    tree_node,
+)
+from skinbake.kernels.simd import (
+    LANES,
+    broadcast,
+    gaussian,
+    greatest_lane,
+    least_lane,
+    load,
+    load_scalar,
+    lowest_bit,
+    mul_add,
+    prefetch,
+    store,
+    sum_of_lanes,
+)
+from skinbake.numerics import even_stride
+
+CUT_ERROR = 0.1  # measured: normalised sums cut at k sigma are wrong by this exp(-k^2 / 2), rms of hard-lit skin
+_CUT_SHARE = 0.1  # of the tolerance
+_BLOCK = 4  # x 4 texels are a batch, where all are targets and near one another
+_SQUARE = 8  # x 8 texels share batches, where few are
+_TILE = 16  # x 16 texels begin their searches at the same groups
+_AHEAD = 2  # leaves that are on their way from memory while one is summed
+_NORMAL, _RATE, _SUMS = 3, 6, 7  # rows of sixteen in the scratch memory: x y z, normal, -1 / 64 v, sums
+_ZERO, _HALF = np.float32(0), np.float32(0.5)
+_TINY = np.float32(1e-20)
+
+
+def cut_sigma(tolerance: float, normalise: bool = True) -> float:
+    """How far, in sigma, sums must look for what lies beyond to take its small share of a tolerance.
+
+    Not normalised, all of the light beyond is missing: exp(-k^2 / 2).
+    """
+    beyond = _CUT_SHARE * max(tolerance, 1e-9) / (CUT_ERROR if normalise else 1.0)
+    return float(np.sqrt(2 * np.log(1 / min(beyond, np.exp(-2)))))
+
+
+def gather(
+    points: TexelPoints,
+    tree: SourceTree,
+    variance_mm2: float,
+    cut: float,
+    separate: bool,
+    normalise: bool,
+    out: NDArray[np.float32],
+    first_light: int = 0,
+    share: NDArray[np.uint8] | None = None,
+) -> None:
+    """out[t] = sum_s w_ts radiosity_s / sum_s w_ts, w_ts = amplitude_s exp(-d_ts^2 narrowing_s / 2 v_t) p_ts.
+
+    Parameters
+    ----------
+    points : TexelPoints
+        Targets. Where their texels are coarser than the lobe, v_t is widened so that their lattice still spreads light
+        by `variance_mm2` (`lattice_variance`).
+    cut : float
+        A target looks at least this many sigma far.
+    separate : bool
+        p_ts is the share that `pair_weight` lets pass, else 1.
+    normalise : bool
+        False: the sum is not divided by that of the weights, but by a plane's, 2 pi v / gain_t.
+    out : ndarray of shape (L, H * W, 3), float32
+        Left as it was where there is no target, or nothing near one.
+    first_light : int
+        Of the tree's lights, L of which are summed.
+    share : ndarray of shape (H, W), uint8, optional
+        How much the sum counts against what `out` held, in steps of 1 / 255; at 0 there is none.
+    """
+    strips = -(-points.row.shape[0] // _TILE)
+    density = 0.0 if normalise else 1 / (2 * np.pi * variance_mm2)
+    _gather(
+        strips, even_stride(strips), points.row, points.flat_index, points.position, points.normal, points.texel_mm2,
+        tree.leaf, tree.box, tree.first_group, variance_mm2, lattice_table(), np.float32(cut),
+        separate, np.float32(_TINY * (tree.largest or 1.0)), np.float32(density), first_light,
+        np.empty((0, 0), np.uint8) if share is None else share, out,
+    )  # fmt: skip
+
+
+@njit(cache=True, parallel=True)
+def _gather(  # type: ignore[no-untyped-def]
+    strips, stride, row_of, flat_index, position, normal, texel_mm2, leaf, box, first_group,
+    variance_mm2, table, cut, separate, faint, density, first_light, share, out,
+):  # fmt: skip
+    height, width = row_of.shape
+    leaves, boxes = leaf.reshape(-1), box.reshape(-1)
+    for strip in prange(strips):
+        lanes = np.empty((_SUMS + 1 + 3 * len(out)) * LANES, np.float32)
+        low, high = np.empty(3, np.float32), np.empty(3, np.float32)
+        stack, found = np.empty(STACK, np.int64), np.empty(len(leaf), np.int64)
+        members, batch = np.empty(_SQUARE * _SQUARE, np.int64), np.empty(LANES, np.int64)
+        begin = np.empty(STACK // 2, np.int64)
+        top = (strip * stride) % strips * _TILE
+        for tile in range(0, width, _TILE):
+            begins = _begin_near_tile(
+                row_of, share, top, tile, position, texel_mm2, boxes, first_group, variance_mm2,
+                table, cut, low, high, stack, found, begin,
+            )  # fmt: skip
+            if begins == 0:
+                continue
+            for row in range(top, min(top + _TILE, height), _SQUARE):
+                for col in range(tile, min(tile + _TILE, width), _SQUARE):
+                    first, count = 0, _members_of(row_of, share, row, col, members)
+                    while first < count:
+                        first = _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, batch)
+                        stack[:begins] = begin[:begins]
+                        _gather_batch(
+                            batch, flat_index, position, normal, texel_mm2, leaves, leaf.shape[1] * LANES, boxes,
+                            first_group, variance_mm2, table, cut, separate, faint, density, first_light, share, lanes,
+                            low, high, stack, begins, found, out,
+                        )  # fmt: skip
+
+
+@njit(cache=True, inline="always")
+def _members_of(row_of, share, top, left, members):  # type: ignore[no-untyped-def]
+    """List the targets of a square, block after block; how many there are."""
+    height, width = row_of.shape
+    count = 0
+    for block in range((_SQUARE // _BLOCK) ** 2):
+        row, col = top + block // (_SQUARE // _BLOCK) * _BLOCK, left + block % (_SQUARE // _BLOCK) * _BLOCK
+        for r in range(row, min(row + _BLOCK, height)):
+            for c in range(col, min(col + _BLOCK, width)):
+                if row_of[r, c] >= 0 and (len(share) == 0 or share[r, c] > 0):
+                    members[count] = row_of[r, c]
+                    count += 1
+    return count
+
+
+@njit(cache=True)
+def _begin_near_tile(  # type: ignore[no-untyped-def]
+    row_of, share, top, left, position, texel_mm2, boxes, first_group, variance_mm2, table, cut, low, high, stack,
+    found, begin,
+):  # fmt: skip
+    """Where the search of all of a tile's batches begins: groups near the tile, the root if these are too many."""
+    low[:], high[:] = np.inf, -np.inf
+    widest = np.float32(-1)
+    for r in range(top, min(top + _TILE, row_of.shape[0])):
+        for c in range(left, min(left + _TILE, row_of.shape[1])):
+            k = row_of[r, c]
+            if k >= 0 and (len(share) == 0 or share[r, c] > 0):
+                widest = max(widest, texel_mm2[k])
+                for axis in range(3):
+                    low[axis], high[axis] = min(low[axis], position[k, axis]), max(high[axis], position[k, axis])
+    if low[0] > high[0]:
+        return 0
+    root = tree_node(0, len(first_group) - 1)
+    if len(first_group) > 1:
+        reach = cut * np.sqrt(np.float32(lattice_variance(variance_mm2, widest, table)))
+        stack[0] = root
+        count = near_boxes(low, high, reach * reach, boxes, first_group, stack, 1, 1, found)
+        if count <= len(begin):
+            for i in range(count):
+                begin[i] = tree_node(found[i], 0)
+            return count
+    begin[0] = root
+    return 1
+
+
+@njit(cache=True, inline="always")
+def _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, batch):  # type: ignore[no-untyped-def]
+    """Move what lies near the first member left into the batch, which repeats its last; the first member left then."""
+    seed = members[first]
+    reach = cut * np.float32(np.sqrt(variance_mm2)) + np.float32(2 * _BLOCK) * np.sqrt(max(texel_mm2[seed], _ZERO))
+    taken, here = 0, first
+    while here < count and taken < LANES:
+        k = members[here]
+        near = True
+        for axis in range(3):
+            near = near and abs(position[k, axis] - position[seed, axis]) <= reach
+        if near:
+            # What is far moves up behind what is taken
+            for i in range(here, first + taken, -1):
+                members[i] = members[i - 1]
+            batch[taken] = k
+            taken += 1
+        here += 1
+    batch[taken:] = batch[taken - 1]
+    return first + taken
+
+
+@njit(cache=True, inline="always")
+def _gather_batch(  # type: ignore[no-untyped-def]
+    batch, flat_index, position, normal, texel_mm2, leaves, size, boxes, first_group, variance_mm2, table, cut,
+    separate, faint, density, first_light, share, lanes, low, high, stack, begins, found, out,
+):  # fmt: skip
+    further = 3 * len(out) - 3  # channels beyond the first light's
+    first_row = LIGHT + 3 * first_light
+    widest = 0.0
+    for t in range(LANES):
+        k = batch[t]
+        variance = lattice_variance(variance_mm2, texel_mm2[k], table)
+        widest = max(widest, variance)
+        for axis in range(3):
+            lanes[axis * LANES + t], lanes[(_NORMAL + axis) * LANES + t] = position[k, axis], normal[k, axis]
+        lanes[_RATE * LANES + t] = -1 / (64 * variance)
+    radius = cut * np.float32(np.sqrt(widest))
+    x, y, z, rate = load(lanes, 0), load(lanes, LANES), load(lanes, 2 * LANES), load(lanes, _RATE * LANES)
+    nx, ny, nz = load(lanes, _NORMAL * LANES), load(lanes, (_NORMAL + 1) * LANES), load(lanes, (_NORMAL + 2) * LANES)
+
+    # Box, ball and cone around the batch: sources inside the opposite cone need the pair rule
+    low[0], low[1], low[2] = least_lane(x), least_lane(y), least_lane(z)
+    high[0], high[1], high[2] = greatest_lane(x), greatest_lane(y), greatest_lane(z)
+    cx, cy, cz = _HALF * (low[0] + high[0]), _HALF * (low[1] + high[1]), _HALF * (low[2] + high[2])
+    dx, dy, dz = x - cx, y - cy, z - cz
+    far2 = greatest_lane(mul_add(dx, dx, mul_add(dy, dy, dz * dz)))
+    ax, ay, az = sum_of_lanes(nx), sum_of_lanes(ny), sum_of_lanes(nz)
+    length = np.sqrt(ax * ax + ay * ay + az * az) + _TINY
+    ax, ay, az = ax / length, ay / length, az / length
+    closest = least_lane(mul_add(nx, ax, mul_add(ny, ay, nz * az)))
+    sine = np.sqrt(max(np.float32(1) - closest * closest, _ZERO)) if closest > 0 else np.float32(2)
+    within2 = (radius + np.sqrt(far2)) ** 2
+
+    # The first light's three sums stay in registers, those of further lights in `lanes`
+    total = broadcast(_ZERO)
+    red, green, blue = broadcast(_ZERO), broadcast(_ZERO), broadcast(_ZERO)
+    for c in range(further):
+        store(lanes, (_SUMS + 4 + c) * LANES, total)
+    count = near_boxes(low, high, radius * radius, boxes, first_group, stack, begins, 0, found)
+    for i in range(count):
+        ahead = found[min(i + _AHEAD, count - 1)] * size
+        for row in range(first_row + 3):
+            prefetch(leaves, ahead + row * LANES)
+        base = found[i] * size
+        bits = near_sources(leaves, base, low, high, radius * radius) & sources_around(
+            leaves, base, cx, cy, cz, within2
+        )
+        opposite = opposite_sources(leaves, base, ax, ay, az, sine) if separate else 0
+        while bits != 0:
+            bit = lowest_bit(bits)
+            bits &= bits - 1
+            at = base + bit
+            dx, dy, dz = (
+                load_scalar(leaves, at) - x,
+                load_scalar(leaves, at + LANES) - y,
+                load_scalar(leaves, at + 2 * LANES) - z,
+            )
+            distance2 = mul_add(dx, dx, mul_add(dy, dy, dz * dz))
+            w = gaussian(distance2 * (rate * load_scalar(leaves, at + NARROWING * LANES)))
+            w *= load_scalar(leaves, at + AMPLITUDE * LANES)
+            if opposite >> bit & 1:
+                to = at + NORMAL * LANES
+                mx, my, mz = (
+                    load_scalar(leaves, to),
+                    load_scalar(leaves, to + LANES),
+                    load_scalar(leaves, to + 2 * LANES),
+                )
+                w *= pair_weight(
+                    mul_add(nx, mx, mul_add(ny, my, nz * mz)),
+                    mul_add(nx, dx, mul_add(ny, dy, nz * dz)),
+                    _ZERO - mul_add(dx, mx, mul_add(dy, my, dz * mz)),
+                    distance2 + _TINY,
+                )
+            total += w
+            at += first_row * LANES
+            red = mul_add(w, load_scalar(leaves, at), red)
+            green = mul_add(w, load_scalar(leaves, at + LANES), green)
+            blue = mul_add(w, load_scalar(leaves, at + 2 * LANES), blue)
+            for c in range(further):
+                to = (_SUMS + 4 + c) * LANES
+                store(lanes, to, mul_add(w, load_scalar(leaves, at + (3 + c) * LANES), load(lanes, to)))
+
+    store(lanes, _SUMS * LANES, total)
+    store(lanes, (_SUMS + 1) * LANES, red)
+    store(lanes, (_SUMS + 2) * LANES, green)
+    store(lanes, (_SUMS + 3) * LANES, blue)
+    for t in range(LANES):
+        if t > 0 and batch[t] == batch[t - 1]:
+            break  # only repetitions are left
+        weight = lanes[_SUMS * LANES + t]
+        if density > 0:
+            factor = density * np.float32(lattice_gain(variance_mm2, texel_mm2[batch[t]], table))
+        elif weight > faint:
+            factor = np.float32(1) / weight
+        else:
+            continue
+        texel = flat_index[batch[t]]
+        counts = np.float32(1)
+        if len(share):
+            counts = np.float32(share[texel // share.shape[1], texel % share.shape[1]]) / np.float32(255)
+        for light in range(len(out)):
+            at = (_SUMS + 1 + 3 * light) * LANES + t
+            for c in range(3):
+                value = lanes[at + c * LANES] * factor
+                if len(share):
+                    before = out[light, texel, c]
+                    value = before + counts * (value - before)
+                out[light, texel, c] = value

@@ -1,0 +1,305 @@
+"""Sources of a surface sum in the order of the texture's quadtree, sixteen to a leaf, the leaves under a tree of boxes.
+
+Texels next to one another in a chart are next to one another on the skin: a walk along the quadtree (Morton order) lays
+what is near in space near in memory, without a sort. A leaf ends after sixteen sources, and where the next one is far
+off: two charts never share a leaf. What the texture keeps apart, the boxes in space bring together again.
+
+A source is a texel, or a block of texels whose skin is small and flat enough (`clusters.is_cluster`); the walk goes as
+deep as it must.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.diffuse.surface_space.clusters import LEVELS, MomentPyramid, is_cluster
+from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.kernels.simd import LANES, bits_below, load, lowest_bit, mul_add
+
+NORMAL, NARROWING, AMPLITUDE, LIGHT = 3, 6, 7, 8  # rows of a leaf; x y z come first
+STACK = 16 * LANES  # of `near_boxes`: a tree of any size needs half of it, the groups to begin from may take the rest
+_FAR2 = np.float32(64)  # squared distance to the next source, in areas of the larger: beyond a leaf's own skin
+_NOWHERE = np.float32(1e18)
+_TREE_LEVELS = 16  # of boxes, more than there ever are
+_ZERO = np.float32(0)
+
+
+@dataclass(frozen=True)
+class SourceTree:
+    """Sources, their leaves, and boxes of leaves, of sixteen leaves, of 256, ...
+
+    Attributes
+    ----------
+    leaf : ndarray of shape (N, 8 + C, 16), float32
+        Sixteen sources side by side: x y z (mm), unit normal, `NARROWING`, `AMPLITUDE`, radiosity from `LIGHT` on. A
+        place without a source is far away, and all else 0.
+    count : int
+        Of sources.
+    largest : float
+        Amplitude.
+    box : ndarray of shape (G, 6, 16), float32
+        Least x y z and greatest x y z of sixteen boxes; those of the leaves first, then of the groups themselves.
+    first_group : ndarray of shape (levels,), int64
+        Of each level, leaves first; the last level is one group.
+    """
+
+    leaf: NDArray[np.float32]
+    count: int
+    largest: float
+    box: NDArray[np.float32]
+    first_group: NDArray[np.int64]
+
+
+def source_tree(
+    tiles: Sequence[tuple[TexelPoints, NDArray[np.float32], MomentPyramid]],
+    max_spread_mm2: float = -1.0,
+    variance_mm2: float = 1.0,
+) -> SourceTree:
+    """The widest blocks whose spread is at most `max_spread_mm2`, and single texels elsewhere.
+
+    Parameters
+    ----------
+    tiles : sequence of (TexelPoints, radiosity (L, H * W, 3), MomentPyramid)
+    max_spread_mm2 : float
+        Below 0 every texel stays by itself.
+    variance_mm2 : float
+        Of the lobe: a cluster spreads by its own spread s^2 less than that. `NARROWING` is v / (v - s^2), `AMPLITUDE`
+        the area times that.
+    """
+    walks = []
+    for points, light, pyramid in tiles:
+        rows, cols = _roots(points.row.shape)
+        order = np.empty((len(rows), 4**LEVELS), np.int32)
+        count = np.empty((len(rows), 2), np.int64)
+        _walk(
+            rows, cols, points.row, points.position, points.area_mm2, pyramid.moments, pyramid.start, pyramid.width,
+            np.float32(max_spread_mm2), order, count,
+        )  # fmt: skip
+        walks.append((points, light, pyramid, order, count))
+    total = np.cumsum(np.concatenate([count for *_, count in walks]), axis=0)
+    sources, leaves = (int(n) for n in total[-1])
+    leaf, box = np.empty((leaves, LIGHT + 3 * len(tiles[0][1]), LANES), np.float32), _no_boxes(leaves)
+    done = 0
+    for points, light, pyramid, order, count in walks:
+        begin = (total[done : done + len(count)] - count)[:, 1]
+        _write(
+            order, begin, count[:, 0], points.flat_index, points.position, points.normal, points.area_mm2, light,
+            pyramid.moments, pyramid.radiosity, np.float32(variance_mm2), leaf, box,
+        )  # fmt: skip
+        done += len(count)
+    levels = [box]
+    while len(levels[-1]) > 1:
+        levels.append(_no_boxes(len(levels[-1])))
+        _enclose(levels[-2], levels[-1])
+    first = np.cumsum([0, *(len(level) for level in levels[:-1])])
+    largest = float(leaf[:, AMPLITUDE].max(initial=0))
+    return SourceTree(leaf, sources, largest, np.concatenate(levels), first)
+
+
+def _roots(shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First row and column of each root block, in Morton order."""
+    side = 1 << LEVELS
+    down, across = -(-shape[0] // side), -(-shape[1] // side)
+    order = np.arange(4 ** int(np.ceil(np.log2(max(down, across)))))
+    row, col = np.zeros_like(order), np.zeros_like(order)
+    for bit in range(16):
+        row |= (order >> (2 * bit + 1) & 1) << bit
+        col |= (order >> (2 * bit) & 1) << bit
+    there = (row < down) & (col < across)
+    return row[there] * side, col[there] * side
+
+
+def _no_boxes(count: int) -> NDArray[np.float32]:
+    """Groups for `count` boxes, each empty until it is filled."""
+    box = np.empty((max(1, -(-count // LANES)), 6, LANES), np.float32)
+    box[:, :3], box[:, 3:] = _NOWHERE, -_NOWHERE
+    return box
+
+
+@njit(cache=True, parallel=True)
+def _enclose(child, parent):  # type: ignore[no-untyped-def]
+    for k in prange(len(child)):
+        for axis in range(3):
+            parent[k // LANES, axis, k % LANES] = child[k, axis].min()
+            parent[k // LANES, 3 + axis, k % LANES] = child[k, 3 + axis].max()
+
+
+@njit(cache=True, parallel=True)
+def _walk(rows, cols, row_of, position, area, moments, start, width, max_spread, order, count):  # type: ignore[no-untyped-def]
+    """Each root block's sources in Morton order: 2 k for texel k, 2 b + 1 for block b, as ~ where a leaf begins."""
+    height, columns = row_of.shape
+    for root in prange(len(rows)):
+        sources, leaves, lane = 0, 0, 0
+        x, y, z, before = _ZERO, _ZERO, _ZERO, _ZERO  # of the source before, and its area
+        here = 0
+        while here < 1 << (2 * LEVELS):
+            row, col = rows[root] + _every_other_bit(here >> 1), cols[root] + _every_other_bit(here)
+            # The widest block that begins here, then the blocks in its first corner
+            level = LEVELS if here == 0 else lowest_bit(here) // 2
+            what = -1
+            inside = row < height and col < columns
+            while level > 0 and inside:
+                block = start[level - 1] + (row >> level) * width[level - 1] + (col >> level)
+                if moments[block, 0] <= 0:
+                    inside = False
+                elif is_cluster(moments[block], max_spread):
+                    what = 2 * block + 1
+                    px, py, pz, mine = moments[block, 1], moments[block, 2], moments[block, 3], moments[block, 0]
+                    break
+                else:
+                    level -= 1
+            here += 1 << (2 * level)
+            if level == 0 and inside:
+                k = row_of[row, col]
+                if k >= 0 and area[k] > 0:
+                    what = 2 * k
+                    px, py, pz, mine = position[k, 0], position[k, 1], position[k, 2], area[k]
+            if what < 0:
+                continue
+            far2 = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+            if lane == 0 or lane == LANES or far2 > _FAR2 * max(mine, before):
+                leaves += 1
+                lane = 0
+                what = ~what
+            order[root, sources] = what
+            sources += 1
+            lane += 1
+            x, y, z, before = px, py, pz, mine
+        count[root, 0], count[root, 1] = sources, leaves
+
+
+@njit(cache=True, parallel=True)
+def _write(  # type: ignore[no-untyped-def]
+    order, begin, count, flat_index, position, normal, area, light, moments, mean, variance, leaf, box,
+):  # fmt: skip
+    for root in prange(len(order)):
+        k, lane = begin[root] - 1, LANES
+        for i in range(count[root]):
+            what = order[root, i]
+            if what < 0:
+                what = ~what
+                if i > 0:
+                    _close(leaf[k], lane)
+                k, lane = k + 1, 0
+            at, group, place = what >> 1, k // LANES, k % LANES
+            if what & 1:
+                m = moments[at]
+                length = max(np.sqrt(m[5] * m[5] + m[6] * m[6] + m[7] * m[7]), np.float32(1e-12))
+                for axis in range(3):
+                    leaf[k, axis, lane], leaf[k, NORMAL + axis, lane] = m[1 + axis], m[5 + axis] / length
+                narrowing = variance / (variance - m[4])
+                leaf[k, NARROWING, lane], leaf[k, AMPLITUDE, lane] = narrowing, m[0] * narrowing
+                for c in range(mean.shape[1]):
+                    leaf[k, LIGHT + c, lane] = mean[at, c]
+            else:
+                for axis in range(3):
+                    leaf[k, axis, lane], leaf[k, NORMAL + axis, lane] = position[at, axis], normal[at, axis]
+                leaf[k, NARROWING, lane], leaf[k, AMPLITUDE, lane] = 1, area[at]
+                for each in range(len(light)):
+                    for c in range(3):
+                        leaf[k, LIGHT + 3 * each + c, lane] = light[each, flat_index[at], c]
+            for axis in range(3):
+                box[group, axis, place] = min(box[group, axis, place], leaf[k, axis, lane])
+                box[group, 3 + axis, place] = max(box[group, 3 + axis, place], leaf[k, axis, lane])
+            lane += 1
+        if count[root] > 0:
+            _close(leaf[k], lane)
+
+
+@njit(cache=True)
+def _close(leaf, sources):  # type: ignore[no-untyped-def]
+    """Fill the places of a leaf beyond its sources."""
+    for lane in range(sources, LANES):
+        leaf[:, lane] = _ZERO
+        leaf[:3, lane] = _NOWHERE
+
+
+@njit(cache=True, inline="always")
+def _every_other_bit(n):  # type: ignore[no-untyped-def]
+    """Bits 0, 2, 4, ... 10 of n, side by side."""
+    n &= 0x555
+    n = (n | n >> 1) & 0x333
+    n = (n | n >> 2) & 0x30F
+    return (n | n >> 4) & 0x3F
+
+
+@njit(cache=True)
+def near_boxes(low, high, radius2, boxes, first_group, stack, depth, bottom, found):  # type: ignore[no-untyped-def]
+    """Number of a level's boxes within a distance of the box from `low` to `high`; `found` lists them.
+
+    Parameters
+    ----------
+    low, high : ndarray of shape (3,), float32
+    radius2 : float32
+        Squared distance, mm^2.
+    boxes : ndarray, float32
+        `SourceTree.box`, flat.
+    stack : ndarray of shape (STACK,), int64
+        Its first `depth` entries are the groups to begin from: `tree_node`s.
+    bottom : int
+        0: boxes of leaves; 1: boxes of groups of leaves; ...
+    found : ndarray, int64
+    """
+    count = 0
+    while depth > 0:
+        depth -= 1
+        group, level = stack[depth] // _TREE_LEVELS, stack[depth] % _TREE_LEVELS
+        base = (first_group[level] + group) * (6 * LANES)
+        dx = max(max(load(boxes, base) - high[0], low[0] - load(boxes, base + 3 * LANES)), _ZERO)
+        dy = max(max(load(boxes, base + LANES) - high[1], low[1] - load(boxes, base + 4 * LANES)), _ZERO)
+        dz = max(max(load(boxes, base + 2 * LANES) - high[2], low[2] - load(boxes, base + 5 * LANES)), _ZERO)
+        bits = bits_below(mul_add(dx, dx, mul_add(dy, dy, dz * dz)), radius2)
+        while bits != 0:
+            child = group * LANES + lowest_bit(bits)
+            bits &= bits - 1
+            if level == bottom:
+                found[count] = child
+                count += 1
+            else:
+                stack[depth] = tree_node(child, level - 1)
+                depth += 1
+    return count
+
+
+@njit(cache=True, inline="always")
+def tree_node(group, level):  # type: ignore[no-untyped-def]
+    """A group of sixteen boxes of a level, for the stack of `near_boxes`."""
+    return group * _TREE_LEVELS + level
+
+
+@njit(cache=True, inline="always")
+def near_sources(leaves, base, low, high, radius2):  # type: ignore[no-untyped-def]
+    """Bits of a leaf's sources within a distance of a box.
+
+    Parameters
+    ----------
+    leaves : ndarray, float32
+        `SourceTree.leaf`, flat.
+    base : int
+        Where the leaf begins in it.
+    """
+    x, y, z = load(leaves, base), load(leaves, base + LANES), load(leaves, base + 2 * LANES)
+    dx = max(max(x - high[0], low[0] - x), _ZERO)
+    dy = max(max(y - high[1], low[1] - y), _ZERO)
+    dz = max(max(z - high[2], low[2] - z), _ZERO)
+    return bits_below(mul_add(dx, dx, mul_add(dy, dy, dz * dz)), radius2)
+
+
+@njit(cache=True, inline="always")
+def sources_around(leaves, base, x, y, z, radius2):  # type: ignore[no-untyped-def]
+    """Bits of a leaf's sources within a distance of a point."""
+    dx, dy, dz = load(leaves, base) - x, load(leaves, base + LANES) - y, load(leaves, base + 2 * LANES) - z
+    return bits_below(mul_add(dx, dx, mul_add(dy, dy, dz * dz)), radius2)
+
+
+@njit(cache=True, inline="always")
+def opposite_sources(leaves, base, ax, ay, az, sine):  # type: ignore[no-untyped-def]
+    """Bits of a leaf's sources whose normals lie less than `sine` along an axis."""
+    base += NORMAL * LANES
+    across = mul_add(load(leaves, base + LANES), ay, load(leaves, base + 2 * LANES) * az)
+    return bits_below(mul_add(load(leaves, base), ax, across), sine)

@@ -1,0 +1,269 @@
+"""Light that comes through thin parts: ear rims, nostrils, lips.
+
+Behind each point lies, straight through the flesh, a point of the far side. What leaves here is the blurred light that
+arrived there, weighed by the transmittance of a slab as thick as the flesh between (`slab_weights`). The ray goes along
+the inward normal rather than towards each light: diffuse light has forgotten where it came from, and one ray serves all
+lights, soft ones included.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin
+from skinbake.atlas.rasterize import tiles_of
+from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
+from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.shadow_origin import facet_point, point_of
+from skinbake.numerics import Float
+from skinbake.profile import GaussianSum
+from skinbake.scene.mesh import SkinMesh
+
+Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+TEXEL_MM = 0.4  # transmitted light is smooth: no finer texels than these are computed or stored
+SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
+SEEN_SHARE = 0.001  # of the skin: `auto` looks at the brightest part of that size
+WORTH = 5.0  # tolerances of the mean radiance that part must reach
+
+
+def transmit(
+    diffused: DiffuseMap,
+    mesh: SkinMesh,
+    gaussians: GaussianSum,
+    size: tuple[int, int],
+    gutter: int,
+    udim: bool,
+    albedo_rgb: Float,
+    switch: str,
+    tolerance: float,
+    occluder: Occluder | None = None,
+) -> tuple[Lobe | None, Decision]:
+    """Transmitted light as one more lobe of weight 1, and the plan's line on it.
+
+    Parameters
+    ----------
+    diffused : DiffuseMap
+        Blurred irradiance; lobes of the surface methods already count exp(-d^2 / 2v) through the flesh, which is then
+        taken off the slab's weight.
+    size : (width, height)
+        Of the texture.
+    albedo_rgb : ndarray of shape (3,)
+        Mean albedo of the skin, which stands for the reflectance where the profile knows none (energy 1).
+    switch : "auto", "on" or "off"
+    tolerance : float
+        `auto` keeps the term when the brightest `SEEN_SHARE` of the skin gets `WORTH` tolerances of the mean light.
+    occluder : Occluder, optional
+        Of the mesh, where somebody has one already.
+
+    References
+    ----------
+    [dEon2007], [Donner2005]
+    """
+    if switch == "off":
+        return None, Decision("transmission", False, "off")
+    reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
+    weights = slab_weights(gaussians, reflectance)
+    weights = _without_counted(weights, diffused, gaussians)
+
+    texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
+    coarse = max(1, 2 ** int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0)))))
+    small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
+    atlas = rasterize(mesh, small, max(2, gutter // coarse), udim)
+    occluder = occluder or Occluder(mesh)
+    rgb, through, reflected = {}, [], []
+    for raster in atlas:
+        rows, cols = np.nonzero(raster.addressed)
+        point, normal = _skin(raster, mesh, occluder, rows, cols)
+        near = np.flatnonzero(occluder.occluded(*_inwards(occluder, point, normal), _reach(weights, len(rows))))
+        face, uv, thickness, opposed = far_side(occluder, mesh, point[near], normal[near])
+        across = _gather(diffused, mesh, udim, face, uv, _weights_at(weights, thickness, opposed))
+        rows, cols = rows[near], cols[near]
+        image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
+        image[:, rows, cols] = np.maximum(across, 0)
+        rgb[raster.tile] = image
+        through.append((image[:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
+        reflected.append(_reflected(diffused, mesh, udim, gaussians, raster))
+    rms, peak = _contribution(*_joined(through), *_joined(reflected), sum(float(r.area_mm2.sum()) for r in atlas))
+    kept = switch == "on" or peak > WORTH * tolerance
+    limit = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
+    why = f"{switch}: through thin parts {limit}, worth it from {WORTH * tolerance:.1%}"
+    lobe = Lobe(float(gaussians.variance_mm2[-1]), (1.0, 1.0, 1.0), "transmission", rgb) if kept else None
+    return lobe, Decision("transmission", kept, why)
+
+
+def _skin(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index) -> tuple[Image, Image]:
+    """Points of texels on the surface that rays meet, about the occluder's centre, and unit normals; shapes (n, 3)."""
+    point, normal = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
+    _place(raster.face_index, raster.barycentric, rows, cols, occluder.subdivided, mesh.corner_normal, point, normal)
+    return point, normal
+
+
+@njit(cache=True, parallel=True)
+def _place(face_index, barycentric, rows, cols, subdivided, normals, point, normal):  # type: ignore[no-untyped-def]
+    for k in prange(len(rows)):
+        face, b = face_index[rows[k], cols[k]], barycentric[rows[k], cols[k]]
+        x, y, z = facet_point(normals, face, np.float64(b[0]), np.float64(b[1]))
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
+        normal[k, 0], normal[k, 1], normal[k, 2] = x / length, y / length, z / length
+        point[k, 0], point[k, 1], point[k, 2] = point_of(subdivided, face, np.float64(b[0]), np.float64(b[1]))
+
+
+def _inwards(occluder: Occluder, point: Image, normal: Image) -> tuple[Image, Image]:
+    """Rays into the flesh: in by a hundredth of a millimetre and the coordinates' own spacing, off the own facet."""
+    inward = np.ascontiguousarray(-normal)
+    return point + inward * np.float32(0.01 + 32 * occluder.spacing_mm), inward
+
+
+def _reach(weights: SlabWeights, rays: int) -> Image:
+    """Thickness beyond which all is dark, for each ray."""
+    lit = np.flatnonzero(np.abs(weights.weight_rgb).sum(axis=1).max(axis=1) >= DARK)
+    last = min(int(lit.max(initial=-1)) + 1, len(weights.thickness_mm) - 1)
+    return np.full(rays, weights.thickness_mm[last], np.float32)
+
+
+def far_side(
+    occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image
+) -> tuple[NDArray[np.int64], Float, Float, Float]:
+    """Where the inward normal leaves the flesh.
+
+    Returns
+    -------
+    face : ndarray of shape (n,)
+        -1 where it never does.
+    uv : ndarray of shape (n, 2)
+    thickness_mm : ndarray of shape (n,)
+    opposed : ndarray of shape (n,)
+        Cosine between the way and the outward normal there: 1 through a slab, 0 where it only grazes.
+    """
+    start, inward = _inwards(occluder, point, normal)
+    child, in_1, in_2, distance = occluder.first_hit(start, inward)
+    levels = occluder.subdivided.levels
+    face, b1, b2 = _ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
+    barycentric = np.stack([1 - b1 - b2, b1, b2], axis=1)
+    uv = np.einsum("nk,nki->ni", barycentric, mesh.corner_uv[face])
+    there = np.einsum("nk,nki->ni", barycentric, mesh.corner_normal[face])
+    opposed = np.clip((there * inward).sum(axis=1) / np.maximum(np.linalg.norm(there, axis=1), 1e-30), 0, 1)
+    missed = child < 0
+    opposed[missed] = 0
+    return np.where(missed, -1, face), uv, distance.astype(np.float64), opposed
+
+
+def _ascend(child: NDArray[np.int64], b1: Float, b2: Float, levels: int) -> tuple[NDArray[np.int64], Float, Float]:
+    """Face of the mesh and place in it of a place in a triangle of the smooth surface (inverse of `descend`)."""
+    for _ in range(levels):
+        corner, child = child % 4, child // 4
+        b1, b2 = (
+            np.select([corner == 0, corner == 1, corner == 2], [b1 / 2, (1 + b1) / 2, b1 / 2], (1 - b1) / 2),
+            np.select([corner == 0, corner == 1, corner == 2], [b2 / 2, b2 / 2, (1 + b2) / 2], (1 - b2) / 2),
+        )
+    return child, b1, b2
+
+
+def _without_counted(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> SlabWeights:
+    """Take off what lobes summed over the surface in space already carry through a slab, theory.md 7.2."""
+    taken = weights.weight_rgb.copy()
+    for i, lobe in enumerate(diffused.lobes):
+        if lobe.method in ("hybrid", "surface", "reference") and lobe.variance_mm2 > 0:
+            through = np.exp(-(weights.thickness_mm**2) / (2 * lobe.variance_mm2))
+            taken[:, i] -= through[:, None] * gaussians.weight_rgb[i]
+    return SlabWeights(weights.thickness_mm, taken)
+
+
+def _weights_at(weights: SlabWeights, thickness_mm: Float, opposed: Float) -> Image:
+    """Weights of the lobes for each ray, (n, N, 3); linear in the logarithm of the thickness, dark beyond the table."""
+    table = weights.weight_rgb
+    step = float(np.log(weights.thickness_mm[1] / weights.thickness_mm[0]))
+    out = np.zeros((len(thickness_mm), *table.shape[1:]), np.float32)
+    _read_table(table, float(weights.thickness_mm[0]), step, thickness_mm, opposed, out)
+    return out
+
+
+@njit(cache=True, parallel=True)
+def _read_table(table, thinnest_mm, step, thickness_mm, opposed, out):  # type: ignore[no-untyped-def]
+    last = len(table) - 1
+    for ray in prange(len(thickness_mm)):
+        k = np.log(max(thickness_mm[ray], 1e-6) / thinnest_mm) / step
+        if not (k < last and opposed[ray] > 0):
+            continue
+        k = max(k, 0.0)
+        low = min(int(k), last - 1)
+        t = k - low
+        most = 0.0
+        for c in range(3):
+            total = 0.0
+            for i in range(table.shape[1]):
+                weight = (table[low, i, c] * (1 - t) + table[low + 1, i, c] * t) * opposed[ray]
+                out[ray, i, c] = weight
+                total += abs(weight)
+            most = max(most, total)
+        if most < DARK:
+            out[ray] = 0
+
+
+def _gather(
+    diffused: DiffuseMap, mesh: SkinMesh, udim: bool, face: NDArray[np.int64], uv: Float, weight: Image
+) -> Image:
+    """Weighted sum of the lobes at places (n) of the texture, each light apart, shape (L, n, 3)."""
+    out = np.zeros((len(diffused.lights), len(face), 3), np.float32)
+    lit = weight.any(axis=(1, 2)) & (face >= 0)
+    cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(np.int64)
+    of_face = 1001 + cell[:, 0] + 10 * cell[:, 1] if udim else np.full(len(mesh.faces), 1001)
+    for tile in tiles_of(mesh, udim):
+        pick = np.flatnonzero(lit & (of_face[face] == tile))
+        local = uv[pick] - np.asarray(tile_origin(tile))
+        for i, lobe in enumerate(diffused.lobes):
+            _add_bilinear(np.asarray(lobe.rgb[tile], np.float32), local, pick, weight[:, i], out)
+    return out
+
+
+@njit(cache=True, parallel=True)
+def _add_bilinear(image: Image, uv: Float, pick: NDArray[np.int64], weight: Image, out: Image) -> None:
+    lights, height, width = image.shape[:3]
+    for n in prange(len(pick)):
+        x = min(max(uv[n, 0] * width - 0.5, 0.0), width - 1.0)
+        y = min(max((1.0 - uv[n, 1]) * height - 0.5, 0.0), height - 1.0)
+        x0, y0 = int(x), int(y)
+        x1, y1 = min(x0 + 1, width - 1), min(y0 + 1, height - 1)
+        fx, fy = x - x0, y - y0
+        for light in range(lights):
+            for c in range(3):
+                top = image[light, y0, x0, c] * (1.0 - fx) + image[light, y0, x1, c] * fx
+                bottom = image[light, y1, x0, c] * (1.0 - fx) + image[light, y1, x1, c] * fx
+                out[light, pick[n], c] += weight[pick[n], c] * (top * (1.0 - fy) + bottom * fy)
+
+
+def _reflected(
+    diffused: DiffuseMap, mesh: SkinMesh, udim: bool, gaussians: GaussianSum, raster: AtlasRaster
+) -> tuple[Image, Image]:
+    """Light reflected at a sample of texels, all lights and channels, and the areas they stand for."""
+    step = max(1, min(raster.shape) // SAMPLED)
+    rows, cols = (step * index for index in np.nonzero(raster.covered[::step, ::step]))
+    uv = interpolate(raster, mesh.corner_uv)[rows, cols].astype(np.float64)
+    weight = np.broadcast_to(gaussians.weight_rgb.astype(np.float32), (len(rows), *gaussians.weight_rgb.shape))
+    light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, weight)
+    return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
+
+
+def _joined(tiles: list[tuple[Image, Image]]) -> tuple[Float, Float]:
+    light, area = (np.concatenate(part).astype(np.float64) for part in zip(*tiles, strict=True))
+    return light, area
+
+
+def _contribution(
+    through: Float, through_mm2: Float, reflected: Float, sample_mm2: Float, skin_mm2: float
+) -> tuple[float, float]:
+    """Rms of the transmitted over the reflected light, and its value in the brightest part over the mean reflected."""
+    if sample_mm2.sum() == 0:
+        return 0.0, 0.0
+    mean = (sample_mm2 * reflected).sum() / sample_mm2.sum()
+    if mean <= 0:
+        return 0.0, 0.0
+    mean_square = (sample_mm2 * reflected**2).sum() / sample_mm2.sum()
+    rms = np.sqrt((through_mm2 * through**2).sum() / skin_mm2 / max(mean_square, 1e-300))
+    order = np.argsort(-through)
+    reached = np.searchsorted(np.cumsum(through_mm2[order]), SEEN_SHARE * skin_mm2)
+    return float(rms), float(through[order[reached]] / mean) if reached < len(order) else 0.0

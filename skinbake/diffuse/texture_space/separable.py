@@ -1,0 +1,197 @@
+"""Separable blurs of interleaved images, both passes on one block of rows while it is in cache."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.kernels.simd import LANES, broadcast, load, mul_add, store
+
+_ROWS = 16
+_CHUNK = 64  # rows that share their scratch memory
+_STRIP = 512
+_ZERO = np.float32(0)
+
+
+@njit(cache=True, parallel=True)
+def masked_light(light, coverage, out):  # type: ignore[no-untyped-def]
+    """out (H, W, 3L + 1) = light (L, H, W, 3) times coverage, then coverage itself."""
+    lights, height, width, _ = light.shape
+    for row in prange(height):
+        for col in range(width):
+            m = coverage[row, col]
+            for k in range(lights):
+                for c in range(3):
+                    # Not m * light: gutter texels hold light that no sum may see, even an infinite one
+                    out[row, col, 3 * k + c] = m * light[k, row, col, c] if m > 0 else np.float32(0)
+            out[row, col, 3 * lights] = m
+
+
+@njit(cache=True, parallel=True)
+def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out, mass):  # type: ignore[no-untyped-def]
+    """K[M E] / K[M] of an image of premultiplied light and mask; theory.md 5.7.
+
+    Parameters
+    ----------
+    image : ndarray of shape (H + 2 margin, W + 2 margin, 3L + 1), float32
+        Outside it there is no coverage.
+    half_y, half_x : ndarray, float32
+        Symmetric kernels from their middle on.
+    fallback : ndarray of shape (L, H, W, 3) or (L, 0, 0, 3)
+        What stands where K[M] <= epsilon; zero if empty.
+    out : ndarray of shape (L, H, W, 3)
+    mass : ndarray of shape (H, W) or (0, 0)
+        Takes K[M], unless empty.
+    """
+    height, width, channels = image.shape
+    lights = (channels - 1) // 3
+    n = width * channels
+    kernel_y = np.concatenate((half_y[:0:-1], half_y))
+    kernel_x = np.concatenate((half_x[:0:-1], half_x))
+    reach_y, reach_x = len(half_y) - 1, len(half_x) - 1
+    flat = image.reshape(-1)
+    start = reach_x * channels
+    length = n + 2 * start
+    for chunk in prange((out.shape[1] + _CHUNK - 1) // _CHUNK):
+        lines = np.zeros(_ROWS * length, np.float32)
+        both = np.empty(n, np.float32)
+        for top_row in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, out.shape[1]), _ROWS):
+            rows = min(_ROWS, out.shape[1] - top_row)
+            for left in range(0, n, _STRIP):  # so narrow that all taps' rows of it stay in the nearest cache
+                for i in range(rows):
+                    top = top_row + i + margin - reach_y
+                    first, last = max(-top, 0), min(len(kernel_y), height - top)
+                    to, count = i * length + start + left, min(_STRIP, n - left)
+                    _weigh(flat, (top + first) * n + left, n, kernel_y[first:last], lines, to, count)
+            for i in range(rows):
+                _weigh(lines, i * length, channels, kernel_x, both, 0, n)
+                _divide(both, margin, lights, top_row + i, epsilon, fallback, out)
+                if len(mass):
+                    for col in range(mass.shape[1]):
+                        mass[top_row + i, col] = both[(col + margin + 1) * channels - 1]
+
+
+@njit(cache=True)
+def _divide(both, margin, lights, row, epsilon, fallback, out):  # type: ignore[no-untyped-def]
+    channels = 3 * lights + 1
+    if lights == 1:  # constant strides: the compiler shuffles whole registers
+        to, width = out[0, row].reshape(-1), out.shape[2]
+        here = both[margin * 4 : (margin + width) * 4]
+        bare = False
+        for col in range(width):
+            mass = here[4 * col + 3]
+            covered = mass > epsilon
+            inverse = np.float32(1) / mass if covered else _ZERO
+            to[3 * col] = here[4 * col] * inverse
+            to[3 * col + 1] = here[4 * col + 1] * inverse
+            to[3 * col + 2] = here[4 * col + 2] * inverse
+            bare |= not covered
+        if not bare:
+            return
+    for col in range(out.shape[2]):
+        base = (col + margin) * channels
+        mass = both[base + channels - 1]
+        if mass > epsilon:
+            inverse = np.float32(1) / mass
+            for k in range(lights):
+                for c in range(3):
+                    out[k, row, col, c] = both[base + 3 * k + c] * inverse
+        elif fallback.shape[1] > 0:
+            for k in range(lights):
+                for c in range(3):
+                    out[k, row, col, c] = fallback[k, row, col, c]
+        else:
+            for k in range(lights):
+                for c in range(3):
+                    out[k, row, col, c] = np.float32(0)
+
+
+@njit(cache=True)
+def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-untyped-def]
+    """to[at + i] = sum_k weights[k] source[start + k stride + i] for i < count, all flat."""
+    i = 0
+    while i + 4 * LANES <= count:  # four sums at once, as each waits for its last multiply-add
+        a, b, c, d = broadcast(_ZERO), broadcast(_ZERO), broadcast(_ZERO), broadcast(_ZERO)
+        here = start + i
+        for k in range(len(weights)):
+            w = weights[k]
+            a = mul_add(w, load(source, here), a)
+            b = mul_add(w, load(source, here + LANES), b)
+            c = mul_add(w, load(source, here + 2 * LANES), c)
+            d = mul_add(w, load(source, here + 3 * LANES), d)
+            here += stride
+        store(to, at + i, a)
+        store(to, at + i + LANES, b)
+        store(to, at + i + 2 * LANES, c)
+        store(to, at + i + 3 * LANES, d)
+        i += 4 * LANES
+    while i < count:
+        total = _ZERO
+        for k in range(len(weights)):
+            total = mul_add(weights[k], source[start + k * stride + i], total)
+        to[at + i] = total
+        i += 1
+
+
+@njit(cache=True, parallel=True)
+def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[no-untyped-def]
+    """out[i, j] = sum over weights of image[first_y[i] + k, first_x[j] + l]; outside the image is zero.
+
+    Parameters
+    ----------
+    first_y, first_x : ndarray of shape (h,), (w,), int64
+    weight_y, weight_x : ndarray of shape (h, taps), (w, taps), float32
+    """
+    height, width, channels = image.shape
+    n = width * channels
+    flat = image.reshape(-1)
+    taps = weight_x.shape[1]
+    pad = taps * channels
+    columns = out.shape[1]
+    # An even texture is halved with the same weights everywhere: even and odd columns apart, whole rows are summed
+    halved = columns > 1 and first_x[columns - 1] - first_x[0] == 2 * (columns - 1)
+    length = n + 2 * pad
+    for chunk in prange((out.shape[0] + _ROWS - 1) // _ROWS):
+        top_row, rows = chunk * _ROWS, min(_ROWS, out.shape[0] - chunk * _ROWS)
+        lines = np.zeros(_ROWS * length, np.float32)
+        parts = np.zeros((2, (columns + (taps + 1) // 2) * channels), np.float32)
+        odd = np.empty(columns * channels, np.float32)
+        for left in range(0, n, _STRIP):
+            for i in range(rows):
+                top = first_y[top_row + i]
+                first, last = max(-top, 0), min(weight_y.shape[1], height - top)
+                if first < last:
+                    weights = weight_y[top_row + i, first:last]
+                    to, count = i * length + pad + left, min(_STRIP, n - left)
+                    _weigh(flat, (top + first) * n + left, n, weights, lines, to, count)
+        for i in range(rows):
+            whole = out[top_row + i].reshape(columns * channels)
+            if halved:
+                line = lines[i * length + pad : i * length + pad + n]
+                for m in range(parts.shape[1] // channels):
+                    for side in range(2):
+                        col = first_x[0] + 2 * m + side
+                        if 0 <= col < width:
+                            for c in range(channels):
+                                parts[side, m * channels + c] = line[col * channels + c]
+                _weigh(parts[0], 0, channels, weight_x[0, 0::2].copy(), whole, 0, columns * channels)
+                _weigh(parts[1], 0, channels, weight_x[0, 1::2].copy(), odd, 0, columns * channels)
+                whole += odd
+                continue
+            for j in range(columns):
+                start = i * length + pad + min(max(first_x[j], -taps), width) * channels
+                _weigh(lines, start, channels, weight_x[j], whole, j * channels, channels)
+
+
+def decimation_weights(
+    size: int, smaller: int, margin: int, smaller_margin: int, variance_texels2: float
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Gaussian of a given variance (texels of `size`) around each texel centre of `smaller`; both with margins."""
+    centre = (np.arange(-smaller_margin, smaller + smaller_margin) + 0.5) * (size / smaller) - 0.5 + margin
+    reach = np.sqrt(-2 * variance_texels2 * np.log(1e-7))
+    first = np.ceil(centre - reach).astype(np.int64)
+    taps = int(np.ceil(2 * reach)) + 1
+    offset = first[:, None] + np.arange(taps)[None, :] - centre[:, None]
+    weight = np.exp(-(offset**2) / (2 * variance_texels2))
+    return first, (weight / weight.sum(axis=1, keepdims=True)).astype(np.float32)

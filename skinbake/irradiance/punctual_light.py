@@ -1,0 +1,131 @@
+"""Lights that come from one direction at a time: directional, point and spot."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from skinbake.atlas.raster import NO_FACE
+from skinbake.irradiance.oil_albedo import albedo_at
+from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
+from skinbake.numerics import Float, normalized
+from skinbake.scene.lights import DirectionalLight, LightSpec, PointLight, SpotLight
+
+Image = NDArray[np.float32]
+DIRECTIONAL, POINT = 0.0, 1.0
+BUMP_GAIN = 4.0  # reached 14 degrees and nearer to the terminator, where a bump faces the light
+NEAREST_MM = 1e-3  # a point light in the skin itself would be infinitely bright
+
+
+def emitter(light: LightSpec, centre_mm: Float) -> Float:
+    """The light as ten numbers for the kernels: kind, direction to it or position, axis, cosines of the cone.
+
+    Positions are relative to `centre_mm`.
+    """
+    if isinstance(light, DirectionalLight):
+        return np.array([DIRECTIONAL, *(-normalized(light.direction)), 0, 0, 0, -2, -3, 0], dtype=np.float64)
+    if isinstance(light, SpotLight):
+        cone = math.cos(math.radians(light.inner_deg)), math.cos(math.radians(light.outer_deg))
+        return np.array([POINT, *(light.position_mm - centre_mm), *normalized(light.axis), *cone, 0])
+    if isinstance(light, PointLight):
+        return np.array([POINT, *(light.position_mm - centre_mm), 0, 0, 0, -2, -3, 0], dtype=np.float64)
+    raise TypeError(f"not a light of one direction: {type(light).__name__}")
+
+
+def colour(light: Any) -> Float:
+    """RGB that the unit response of the kernels is multiplied by."""
+    return np.asarray(light.irradiance if isinstance(light, DirectionalLight) else light.intensity, dtype=np.float64)
+
+
+@njit(cache=True, inline="always")
+def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, float, float, float, float]:
+    """Unit direction to the light, distance (inf for a directional one), and cone times 1 / distance^2."""
+    if source[0] == DIRECTIONAL:
+        return source[1], source[2], source[3], np.inf, 1.0
+    dx, dy, dz = source[1] - px, source[2] - py, source[3] - pz
+    distance = max(np.sqrt(dx * dx + dy * dy + dz * dz), NEAREST_MM)
+    dx, dy, dz = dx / distance, dy / distance, dz / distance
+    # Smoothstep between the cosines of the cone
+    t = (-(dx * source[4] + dy * source[5] + dz * source[6]) - source[8]) / (source[7] - source[8])
+    t = min(max(t, 0.0), 1.0)
+    return dx, dy, dz, distance, t * t * (3.0 - 2.0 * t) / (distance * distance)
+
+
+@njit(cache=True, inline="always")
+def bump_terminator(cos_mapped: float, cos_smooth: float) -> float:
+    """Factor that takes light off mapped normals which face a light that the skin under them almost turns away from.
+
+    A bump gets at most `BUMP_GAIN` times what the smooth surface under it gets, so that bumps fade out at its
+    terminator instead of being cut off there; all others keep their cosine.
+    """
+    if cos_smooth <= 0.0:
+        return 0.0
+    return min(1.0, BUMP_GAIN * cos_smooth / cos_mapped)
+
+
+@njit(cache=True, parallel=True)
+def unshadowed(
+    source: Float,
+    face_index: NDArray[np.int32],
+    barycentric: Image,
+    subdivided: SubdividedMesh,
+    normal: Image,
+    smooth: Image,
+    roughness: Image,
+    strength: Image,
+    table: Float,
+    f0: float,
+    arriving: Image,
+    facing: NDArray[np.bool_],
+) -> None:
+    """Irradiance of a unit light without shadows, and which texels face it.
+
+    Parameters
+    ----------
+    table : ndarray
+        Of the oil's albedo; of size 0 where the oil takes nothing off.
+    arriving, facing : ndarrays of shape (H, W), written
+    """
+    height, width = face_index.shape
+    rows, cols = roughness.shape[0] > 1, strength.shape[0] > 1
+    for row in prange(height):
+        for col in range(width):
+            arriving[row, col] = 0.0
+            facing[row, col] = False
+            face = face_index[row, col]
+            if face == NO_FACE:
+                continue
+            px, py, pz = 0.0, 0.0, 0.0
+            if source[0] != DIRECTIONAL:
+                px, py, pz = point_of(
+                    subdivided, face, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+                )
+            lx, ly, lz, _, reach = towards(source, px, py, pz)
+            nx, ny, nz = normal[row, col, 0], normal[row, col, 1], normal[row, col, 2]
+            sx, sy, sz = smooth[row, col, 0], smooth[row, col, 1], smooth[row, col, 2]
+            cos_mapped = nx * lx + ny * ly + nz * lz
+            cos_smooth = sx * lx + sy * ly + sz * lz
+            facing[row, col] = reach > 0.0 and cos_smooth > 0.0
+            if not facing[row, col] or cos_mapped <= 0.0:
+                continue
+            value = min(cos_mapped, 1.0) * reach * bump_terminator(cos_mapped, cos_smooth)
+            if table.size > 0:
+                m = roughness[row, col] if rows else roughness[0, 0]
+                rho = strength[row, col] if cols else strength[0, 0]
+                value *= min(max(1.0 - rho * albedo_at(table, cos_mapped, m, f0), 0.0), 1.0)
+            arriving[row, col] = value
+
+
+@njit(cache=True, parallel=True)
+def aim(source: Float, origin: Image, direction: Image, reach: NDArray[np.float32]) -> None:
+    """Directions from origins (n, 3) to the light, and how far it is; both written."""
+    for i in prange(len(origin)):
+        lx, ly, lz, distance, _ = towards(
+            source, np.float64(origin[i, 0]), np.float64(origin[i, 1]), np.float64(origin[i, 2])
+        )
+        direction[i, 0], direction[i, 1], direction[i, 2] = lx, ly, lz
+        reach[i] = distance
