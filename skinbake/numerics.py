@@ -52,6 +52,6 @@ def even_stride(count: int) -> int:
 
 
 def gaussian_2d(variance_mm2: ArrayLike, radius_mm: ArrayLike) -> Float:
-    """Radial Gaussian of unit integral over the plane, mm^-2; theory.md 4.1: exp(-r^2/2v) / (2 pi v)."""
+    """Radial Gaussian of unit integral over the plane, mm^-2, theory.md 4.1: exp(-r^2/2v) / (2 pi v)."""
     variance_mm2 = np.asarray(variance_mm2, dtype=np.float64)
     return np.exp(-sqr(radius_mm) / (2 * variance_mm2)) / (2 * np.pi * variance_mm2)

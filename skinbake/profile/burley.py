@@ -15,7 +15,14 @@ SMALLEST_U = 2.0**-24  # a radius of about 49 d; u = 0 would be infinite
 
 
 def burley_reflectance(d_mm: Float, albedo: Float, radius_mm: Float) -> Float:
-    """R(r), mm^-2, shape (C, N), for r > 0; theory.md 8.1. It has no value at 0, where `burley_disc_mean` is stored.
+    """R(r) of theory.md 8.1, mm^-2, shape (C, N). It has no value at r = 0; store `burley_disc_mean` there.
+
+    Parameters
+    ----------
+    d_mm, albedo : ndarray of shape (C,)
+        Shape length, and total reflectance A.
+    radius_mm : ndarray of shape (N,)
+        Above 0.
 
     References
     ----------
@@ -26,24 +33,40 @@ def burley_reflectance(d_mm: Float, albedo: Float, radius_mm: Float) -> Float:
 
 
 def burley_cdf(d_mm: ArrayLike, radius_mm: ArrayLike) -> Float:
-    """Share of the light that leaves within r; expm1 keeps its digits near r = 0."""
+    """Share of the light that leaves within r, in the broadcast shape; expm1 keeps its digits near r = 0."""
     x = np.asarray(radius_mm, dtype=np.float64) / np.asarray(d_mm)
     return -np.expm1(-x) / 4 - 3 * np.expm1(-x / 3) / 4
 
 
 def burley_disc_mean(d_mm: Float, albedo: Float, disc_mm: float) -> Float:
-    """Mean of R over a disc of radius `disc_mm` > 0 about r = 0, mm^-2, shape (C,)."""
+    """Mean of R over a disc about r = 0, mm^-2, shape (C,); theory.md 8.1.
+
+    Parameters
+    ----------
+    d_mm, albedo : ndarray of shape (C,)
+        Shape length, and total reflectance A.
+    disc_mm : float
+        Radius of the disc, above 0.
+    """
     return albedo * burley_cdf(d_mm, disc_mm) / (np.pi * disc_mm**2)
 
 
 def burley_hankel(d_mm: Float, albedo: Float, s_per_mm: Float) -> Float:
-    """R~(s) = A/4 (1 / sqrt(1 + (d s)^2) + 3 / sqrt(1 + (3 d s)^2)), shape (C, M)."""
+    """R~(s) of theory.md 8.1, shape (C, M).
+
+    Parameters
+    ----------
+    d_mm, albedo : ndarray of shape (C,)
+        Shape length, and total reflectance A.
+    s_per_mm : ndarray of shape (M,)
+        Spatial frequency, >= 0.
+    """
     x = np.asarray(d_mm)[:, None] * s_per_mm[None, :]
     return np.asarray(albedo)[:, None] / 4 * (1 / np.hypot(1, x) + 3 / np.hypot(1, 3 * x))
 
 
 def burley_radius(d_mm: ArrayLike, share: ArrayLike) -> Float:
-    """Radius that holds `share` of the light, the analytic inverse (theory.md 8.3) of the CDF.
+    """Radius, mm, within which `share` of the light leaves: the analytic inverse of the CDF, theory.md 8.3.
 
     References
     ----------
@@ -55,7 +78,7 @@ def burley_radius(d_mm: ArrayLike, share: ArrayLike) -> Float:
 
 
 def burley_shape(albedo: ArrayLike, kind: PathKind = "searchlight") -> Float:
-    """s(A) of theory.md 8.2: d is the mean free path over s.
+    """Number s(A) of theory.md 8.2 by which a mean free path is divided to give d.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class DiffusionProfile(ABC):
 
     @abstractmethod
     def fit_nodes(self) -> FitNodes:
-        """Where a fit compares itself with the model."""
+        """Nodes at which a fit compares itself with the model."""
 
     def transmittance(self, radius_mm: ArrayLike) -> Float:
         """T(r) below the lowest layer without its delta at r = 0, mm^-2, shape (N, 3)."""
@@ -60,7 +60,7 @@ class DiffusionProfile(ABC):
 
     @property
     def sharp_transmittance(self) -> Float:
-        """The part of the total that leaves exactly below its entry: a delta no table of T(r) can hold, shape (3,)."""
+        """Part of the total that leaves exactly below its entry, shape (3,): a delta that no table of T(r) can hold."""
         return np.zeros(RGB)
 
     def stderr(self, radius_mm: ArrayLike) -> Float | None:
@@ -69,7 +69,11 @@ class DiffusionProfile(ABC):
 
     @property
     def relative_noise(self) -> Float | None:
-        """Standard error in the norm of the fit, relative to the profile, shape (3,): no fit errs by much less."""
+        """Standard error in the norm of the fit, relative to the profile, shape (3,); None where the model is not
+        statistical.
+
+        No fit can be much nearer to the model than that.
+        """
         return None
 
     @property
@@ -88,15 +92,15 @@ class SpectralProfile(DiffusionProfile):
     @property
     @abstractmethod
     def lengths_mm(self) -> tuple[float, float]:
-        """Shortest and longest length that shape the profile: R~ falls as exp(-s shortest) or faster."""
+        """Shortest and longest length that shape the profile, mm. R~ falls as exp(-s shortest) or faster."""
 
     @property
     def total_reflectance(self) -> Float:
-        """R~(0)."""
+        """Total reflectance R~(0), shape (3,)."""
         return self.hankel(np.zeros(1))[0]
 
     def fit_nodes(self) -> FitNodes:
-        """Geometric frequencies over everything the profile contains."""
+        """Frequencies, evenly spaced in ln s, over everything the profile contains."""
         shortest, longest = self.lengths_mm
         s = geometric(1e-6 / longest, 45 / shortest)
         return FrequencyNodes(s, self.hankel(s), self.total_reflectance, self.footprint_mm)
@@ -104,7 +108,16 @@ class SpectralProfile(DiffusionProfile):
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A profile at given radii. Arrays are (N, 3), `radius_mm` is (N,), totals are (3,)."""
+    """A profile's values at given radii.
+
+    Attributes
+    ----------
+    radius_mm : ndarray of shape (N,)
+    reflectance_per_mm2, transmittance_per_mm2, stderr_per_mm2 : ndarray of shape (N, 3)
+        R(r), T(r) without its delta, and the standard error of R(r), None where the model is not statistical.
+    total_reflectance, total_transmittance, sharp_transmittance, total_stderr : ndarray of shape (3,)
+    model : str
+    """
 
     radius_mm: Float
     reflectance_per_mm2: Float
@@ -118,7 +131,7 @@ class Evaluated:
 
 
 def evaluate(profile: DiffusionProfile, radius_mm: ArrayLike) -> Evaluated:
-    """All a profile says about the given radii.
+    """Reflectance, transmittance, totals and errors of a profile at the given radii (mm, shape (N,)).
 
     Raises
     ------

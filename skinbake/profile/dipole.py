@@ -9,12 +9,13 @@ from skinbake.profile.medium import Medium
 
 
 def dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Float:
-    """R(r), mm^-2, shape (C, N); theory.md 2.1. Both terms are positive, nothing cancels.
+    """R(r) of the dipole, mm^-2, shape (C, N); theory.md 2.1. Both terms are positive, nothing cancels.
 
     Parameters
     ----------
+    medium : Medium
     boundary : float
-        A of the face.
+        Boundary factor A of the face.
     radius_mm : ndarray of shape (N,)
 
     References
@@ -30,7 +31,15 @@ def dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Flo
 
 
 def log_dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Float:
-    """ln R(r), finite where R itself underflows, shape (C, N); theory.md 2.4."""
+    """ln R(r) of the dipole, finite where R itself underflows, shape (C, N); theory.md 2.4.
+
+    Parameters
+    ----------
+    medium : Medium
+    boundary : float
+        Boundary factor A of the face.
+    radius_mm : ndarray of shape (N,)
+    """
     sigma_tr = medium.sigma_tr_per_mm[:, None]
     terms = []
     for depth in _source_heights(medium, boundary):
@@ -42,19 +51,21 @@ def log_dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) ->
 
 
 def dipole_total(medium: Medium, boundary: float) -> Float:
-    """R_d, shape (C,); theory.md 2.2."""
+    """Total reflectance R_d of the dipole, shape (C,), for the boundary factor A; theory.md 2.2."""
     real, mirrored = _source_heights(medium, boundary)
     sigma_tr = medium.sigma_tr_per_mm
     return medium.albedo / 2 * (np.exp(-sigma_tr * real) + np.exp(-sigma_tr * mirrored))
 
 
 def albedo_of_total(total: float, boundary: float) -> float:
-    """alpha' at which the dipole reflects `total`; inverse of theory.md 2.2.
+    """Reduced albedo alpha' at which the dipole reflects `total`; theory.md 2.3.
 
     Parameters
     ----------
     total : float
         Total diffuse reflectance, above 0 and below 1.
+    boundary : float
+        Boundary factor A of the face.
 
     Raises
     ------
@@ -76,6 +87,6 @@ def albedo_of_total(total: float, boundary: float) -> float:
 
 
 def _source_heights(medium: Medium, boundary: float) -> tuple[Float, Float]:
-    """z_r and z_r + 2 z_b, mm, shape (C,); theory.md 1.5."""
+    """Depth z_r of the real source and height z_r + 2 z_b of its mirror image, mm, each (C,); theory.md 1.5."""
     real = medium.free_path_mm
     return real, real + 2 * medium.extrapolation_mm(boundary)

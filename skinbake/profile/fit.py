@@ -21,7 +21,7 @@ CHANNELS = ("red", "green", "blue")
 def fit_skin(
     skin: SkinSpec, table: tuple[Float, Float] | None = None, photons: int | None = None, seed: int | None = None
 ) -> FitReport:
-    """Gaussians for a skin; given ones pass unchanged unless the configuration asks for a fit.
+    """Gaussians for a skin, with the profile that they stand for. Given ones pass unchanged unless `fit` is asked for.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def fit_skin(
     Raises
     ------
     InputError
-        If the profile is dark, in any channel when it is to be normalised to white.
+        If the profile is dark: in any channel where it is to be normalised to white, else in all of them.
     """
     profile = profile_of(skin, table, photons, seed)
     if isinstance(skin, GaussiansSkin) and "fit" not in skin.model_fields_set:
@@ -47,7 +47,20 @@ def fit_skin(
 
 
 def fit_gaussians(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white") -> GaussianSum:
-    """Sum of Gaussians nearest to a profile; as `fit_report` without the report."""
+    """Sum of Gaussians nearest to a profile: `fit_report` without the report.
+
+    Parameters
+    ----------
+    profile : DiffusionProfile
+    fit : FitSpec
+        A number of Gaussians, or a tolerance.
+    normalise : {"white", "none"}
+
+    Raises
+    ------
+    InputError
+        As `fit_report`.
+    """
     return fit_report(profile, fit, normalise).gaussians
 
 
@@ -108,6 +121,13 @@ def _fewest(fitter: Fitter, tolerance: float) -> tuple[Projection, bool]:
 
 
 def _normalised(weight: Float, energy: Float, normalise: str) -> Float:
+    """Weights (N, 3) scaled so that each channel sums to 1 ("white"), or as they are ("none").
+
+    Raises
+    ------
+    InputError
+        If a channel to be made white has no light.
+    """
     if normalise == "none":
         return weight
     total = weight.sum(axis=0)

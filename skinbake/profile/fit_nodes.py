@@ -1,4 +1,4 @@
-"""Where a fit looks at a profile: nodes on which the r-weighted norm of theory.md 4.2 is a plain sum of squares."""
+"""Nodes of a fit: places where the r-weighted norm of theory.md 4.2 is a plain sum of squares."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STEPS_PER_DECADE = 16
 
 
 class FitNodes(Protocol):
-    """Model values and the matching values of unit Gaussians.
+    """A model's values at M nodes, and the values of unit Gaussians there.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class FitNodes(Protocol):
     root_weight : ndarray of shape (M,)
         Square root of each node's quadrature weight.
     total : ndarray of shape (C,)
-        Energy of the model.
+        Total reflectance of the model.
     """
 
     @property
@@ -35,7 +35,9 @@ class FitNodes(Protocol):
         """Unit Gaussians at the nodes and their derivatives by ln v, each (M, K)."""
 
     def window_share(self, variance_mm2: Float) -> Float:
-        """Share of the model's light under exp(-r^2 / 2v), shape (J, C): a smooth stand-in for the CDF."""
+        """Share of the model's light under exp(-r^2 / 2v), shape (J, C), for J variances: a smooth stand-in for the
+        CDF.
+        """
 
 
 @dataclass(frozen=True)
@@ -58,18 +60,18 @@ class FrequencyNodes:
 
     @property
     def root_weight(self) -> Float:
-        """sqrt(s^2 h) / 2 pi, times the footprint."""
+        """Square root of the quadrature weight, s sqrt(h) / 2 pi times the footprint's transform, shape (M,)."""
         s = self.s_per_mm
         return s * np.sqrt(self.step) * np.exp(-((self.footprint_mm * s) ** 2) / 2) / (2 * np.pi)
 
     def basis(self, variance_mm2: Float) -> tuple[Float, Float]:
-        """As FitNodes."""
+        """Unit Gaussians exp(-v s^2 / 2) at the nodes and their derivatives by ln v, each (M, K)."""
         exponent = self.s_per_mm[:, None] ** 2 * variance_mm2 / 2
         value = np.exp(-exponent)
         return value, -exponent * value
 
     def window_share(self, variance_mm2: Float) -> Float:
-        """v int R~ exp(-v s^2 / 2) s ds / R~(0)."""
+        """Share of the light under exp(-r^2 / 2v), v int R~ exp(-v s^2 / 2) s ds / R~(0), shape (J, C)."""
         value, _ = self.basis(variance_mm2)
         light = (value * self.s_per_mm[:, None] ** 2).T @ self.target
         return variance_mm2[:, None] * self.step * light / np.where(self.total > 0, self.total, 1)
@@ -85,27 +87,37 @@ class AnnulusNodes:
 
     @property
     def _ring(self) -> Float:
+        """Difference of the squared radii of each annulus, mm^2, shape (M,)."""
         return np.diff(self.edge_mm**2)
 
     @property
     def root_weight(self) -> Float:
-        """Square root of int r dr over the annulus."""
+        """Square root of int r dr over each annulus, shape (M,)."""
         return np.sqrt(self._ring / 2)
 
     def basis(self, variance_mm2: Float) -> tuple[Float, Float]:
-        """As FitNodes."""
+        """Means of unit Gaussians over the annuli, mm^-2, and their derivatives by ln v, each (M, K)."""
         exponent = self.edge_mm[:, None] ** 2 / (2 * variance_mm2)
         area = np.pi * self._ring[:, None]
         # Energy inside r is -expm1(-r^2 / 2v): the differences keep their digits at the centre
         return np.diff(-np.expm1(-exponent), axis=0) / area, np.diff(-exponent * np.exp(-exponent), axis=0) / area
 
     def window_share(self, variance_mm2: Float) -> Float:
-        """Sum over the annuli of their energy times the mean of the window."""
+        """Share of the light under exp(-r^2 / 2v), shape (J, C): each annulus counts with the mean of the window over
+        it.
+        """
         value, _ = self.basis(variance_mm2)
         light = 2 * np.pi * variance_mm2[:, None] * ((value * np.pi * self._ring[:, None]).T @ self.target)
         return light / np.where(self.total > 0, self.total, 1)
 
 
 def geometric(first: float, last: float, per_decade: int = STEPS_PER_DECADE) -> Float:
-    """Geometric grid that includes both ends."""
+    """Geometric grid from `first` to `last`, both included, with at least `per_decade` steps a decade.
+
+    Parameters
+    ----------
+    first, last : float
+        Above 0.
+    per_decade : int
+    """
     return np.geomspace(first, last, int(np.ceil(np.log10(last / first) * per_decade)) + 1)

@@ -1,4 +1,4 @@
-"""What a fit says about itself."""
+"""What a fit reports: its error, its energy, and the curves to plot."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ class FitReport:
 
     @property
     def scale_rgb(self) -> Float:
-        """From the model's R(r) to the unit of the fit, shape (3,)."""
+        """Factor from the model's R(r) to the unit of the fit, shape (3,)."""
         return safe_div(1, self.energy_rgb) if self.gaussians.normalise == "white" else np.ones(3)
 
     @property
     def condition_number(self) -> float:
-        """Condition number of the scaled Gram matrix, theory.md 4.4: how far weights can trade places."""
+        """Condition number of the scaled Gram matrix, theory.md 4.4: how much weights can trade places unnoticed."""
         v = self.gaussians.variance_mm2[self.gaussians.variance_mm2 > 0]
         if v.size == 0:
             return 1.0
@@ -73,7 +73,7 @@ class FitReport:
 
     @cached_property
     def curve(self) -> Curve:
-        """Radii from well inside the narrowest to well outside the widest feature, and both profiles there."""
+        """Model and fit at geometric radii, from well inside the narrowest to well outside the widest Gaussian."""
         r = curve_radii(self.gaussians)
         return Curve(r, self.profile.reflectance(r) * self.scale_rgb, self.gaussians.evaluate(r))
 
@@ -84,11 +84,12 @@ class FitReport:
 
     @property
     def largest_residual_radius_mm(self) -> Float:
-        """Where it is, shape (3,)."""
+        """Radius of that greatest difference, mm, shape (3,)."""
         return self._residual[1]
 
     @cached_property
     def _residual(self) -> tuple[Float, Float]:
+        """Greatest difference, relative, and its radius; each of shape (3,)."""
         curve = self.curve
         r = curve.radius_mm[:, None]
         seen = r >= self.profile.footprint_mm
@@ -98,7 +99,7 @@ class FitReport:
 
 
 def curve_radii(gaussians: GaussianSum, count: int = CURVE_POINTS) -> Float:
-    """Geometric radii that show every Gaussian."""
+    """Geometric radii, mm, shape (count,), that show every Gaussian."""
     v = gaussians.variance_mm2[gaussians.variance_mm2 > 0]
     if v.size == 0:
         return np.geomspace(0.01, 10, count)
@@ -106,7 +107,19 @@ def curve_radii(gaussians: GaussianSum, count: int = CURVE_POINTS) -> Float:
 
 
 def error_against(gaussians: GaussianSum, nodes: FitNodes) -> tuple[Float, Float, Float]:
-    """How well Gaussians describe another profile: error as they are, best scale, error at that scale; each (3,)."""
+    """Distance of Gaussians from another profile, theory.md 4.2.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+    nodes : FitNodes
+        Of the other profile.
+
+    Returns
+    -------
+    as_is, scale, scaled : ndarrays of shape (3,)
+        Error as they are, the scale that fits best, and the error at that scale.
+    """
     wide = gaussians.variance_mm2 > 0
     value, _ = nodes.basis(gaussians.variance_mm2[wide])
     weighted = value * nodes.root_weight[:, None] @ gaussians.weight_rgb[wide]

@@ -56,7 +56,7 @@ def fresnel_moments(eta: float) -> tuple[float, float]:
 
 
 def boundary_factor(eta: float, method: BoundaryMethod = "polynomial") -> float:
-    """A of theory.md 1.5 or 1.11: how much farther out the flux extrapolates because the face reflects.
+    """Boundary factor A of theory.md 1.5 or 1.11: how much farther out the flux extrapolates because the face reflects.
 
     Parameters
     ----------

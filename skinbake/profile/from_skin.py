@@ -31,7 +31,7 @@ from skinbake.scene.skin import (
 def profile_of(
     skin: SkinSpec, table: tuple[Float, Float] | None = None, photons: int | None = None, seed: int | None = None
 ) -> DiffusionProfile:
-    """The scattering model a skin names.
+    """Scattering model that a skin names.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def profile_of(
     table : (radius_mm of shape (N,), rgb of shape (N, 3)), optional
         Content of a `table` model's file; this module opens none.
     photons, seed : int, optional
-        Instead of a `transport` model's own.
+        In place of a `transport` model's own.
 
     Raises
     ------
@@ -89,5 +89,6 @@ def given_gaussians(skin: GaussiansSkin) -> GaussianSum:
 
 
 def _layer(spec: LayerSpec) -> Layer:
+    """Layer that a configuration's layer describes."""
     thickness = np.inf if isinf(spec.thickness_mm) else spec.thickness_mm
     return Layer(Medium(np.array(spec.sigma_a_per_mm), np.array(spec.sigma_sp_per_mm)), thickness, spec.eta, spec.g)

@@ -10,7 +10,7 @@ from skinbake.profile.gaussian_sum import GaussianSum
 
 
 def light_within(gaussians: GaussianSum, radius_mm: ArrayLike) -> Float:
-    """Light inside each radius, shape (N, 3): -sum w expm1(-r^2 / 2v)."""
+    """Light inside each radius, shape (N, 3); theory.md 4.1."""
     r = np.atleast_1d(np.asarray(radius_mm, dtype=np.float64))[:, None]
     wide = gaussians.variance_mm2 > 0
     exponent = np.where(wide, r**2 / (2 * np.where(wide, gaussians.variance_mm2, 1)), np.inf)
@@ -18,13 +18,13 @@ def light_within(gaussians: GaussianSum, radius_mm: ArrayLike) -> Float:
 
 
 def mean_radius_mm(gaussians: GaussianSum) -> Float:
-    """Mean distance the light travels, shape (3,)."""
+    """Mean distance the light travels, mm, shape (3,); theory.md 4.1."""
     moments = np.sqrt(np.pi * gaussians.variance_mm2 / 2) @ gaussians.weight_rgb
     return safe_div(moments, gaussians.weight_rgb.sum(axis=0))
 
 
 def rms_radius_mm(gaussians: GaussianSum) -> Float:
-    """Root mean square distance, shape (3,).
+    """Root mean square distance, mm, shape (3,); theory.md 4.1.
 
     Raises
     ------

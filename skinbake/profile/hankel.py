@@ -26,7 +26,7 @@ def inverse_hankel(
     longest_mm: float,
     digits: int = 13,
 ) -> Float:
-    """F(r) = 1/(2 pi) int F~(s) J0(s r) s ds, shape (C, N).
+    """F(r) = 1/(2 pi) int F~(s) J0(s r) s ds, shape (C, N); theory.md 3.3.
 
     J0 is the real part of the Hankel function H0, which decays off the real axis. F~ of a diffusing stack is analytic
     in the first quadrant, and real up the imaginary axis as far as i sigma_tr of the least absorbing layer. So the path
@@ -36,7 +36,8 @@ def inverse_hankel(
     Parameters
     ----------
     transform : callable
-        Must vanish at high frequency as exp(-s shortest_mm) at the slowest.
+        From s, real or complex, of shape (C or 1, ...) to F~(s); must fall at high frequency as exp(-s shortest_mm) or
+        faster.
     radius_mm : ndarray of shape (N,)
     first_singularity_per_mm : ndarray of shape (C,)
         sigma_tr of the least absorbing layer per channel.
@@ -72,7 +73,7 @@ def inverse_hankel(
 
 
 def _logarithmic(radius: Float, shortest_mm: float, longest_mm: float, digits: int) -> tuple[Float, Float]:
-    """Geometric steps t, shape (N, M), and their logarithmic spacing, shape (N, 1), for each radius."""
+    """Frequencies t, evenly spaced in ln t, shape (N, M), and that spacing, shape (N, 1), for each radius."""
     top = 60 / (radius + shortest_mm)
     bottom = 10.0**-digits / (radius + longest_mm)
     decades = np.log(top / bottom) / np.log(10)

@@ -15,7 +15,18 @@ from skinbake.profile.slab import Array, ThinLayers, half_space, sharp_transmitt
 
 @dataclass(frozen=True)
 class Layer:
-    """One homogeneous layer; `thickness_mm` may be infinite in the last one. `g` is used by transport alone."""
+    """One homogeneous layer.
+
+    Attributes
+    ----------
+    medium : Medium
+    thickness_mm : float
+        Infinite in the last layer only.
+    eta : float
+        Refractive index.
+    g : float
+        Mean cosine of the phase function; used by transport alone.
+    """
 
     medium: Medium
     thickness_mm: float
@@ -24,7 +35,7 @@ class Layer:
 
 
 def without_empty(layers: Sequence[Layer]) -> tuple[Layer, ...]:
-    """The layers that have a thickness: one of 0 mm reflects nothing and lets everything pass.
+    """Layers that have a thickness: one of 0 mm reflects nothing and lets everything pass.
 
     Raises
     ------
@@ -50,8 +61,14 @@ def stack_response(
 
     Parameters
     ----------
+    layers : sequence of Layer
+        Top first.
     s_per_mm : ndarray of shape (C or 1, ...)
         Spatial frequencies; s = 0 gives the totals.
+    boundary : {"polynomial", "exact", "better"}
+        As `boundary_factor`.
+    thin : {"guarded", "ballistic", "continued"}
+        As `slab`.
 
     Raises
     ------
@@ -69,6 +86,7 @@ def stack_response(
     loss: Array = np.ones(1)
     for i in reversed(range(len(layers))):
         layer = layers[i]
+        # Each face has the index ratio of its own two sides, theory.md 1.5
         top = boundary_factor(layer.eta / outside[i], boundary)
         if np.isinf(layer.thickness_mm):
             reflected, loss = half_space(layer.medium, top, s_per_mm)
@@ -89,7 +107,7 @@ def stack_response(
 
 
 def sharp_stack_transmittance(layers: Sequence[Layer], thin: ThinLayers = "guarded") -> Float:
-    """Transmitted share that leaves exactly below where it entered (a delta in T(r)), shape (C,)."""
+    """Transmitted share that leaves exactly below its entry (a delta in T(r)), shape (C,)."""
     share = np.ones(1)
     for layer in without_empty(layers):
         if np.isinf(layer.thickness_mm):

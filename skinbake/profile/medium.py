@@ -41,34 +41,34 @@ class Medium:
 
     @cached_property
     def sigma_tp_per_mm(self) -> Float:
-        """Reduced extinction sigma_t'; theory.md 1.1."""
+        """Reduced extinction sigma_t', 1/mm, shape (C,); theory.md 1.1."""
         return self.sigma_a_per_mm + self.sigma_sp_per_mm
 
     @cached_property
     def albedo(self) -> Float:
-        """alpha' = sigma_s' / sigma_t'; theory.md 1.2."""
+        """Reduced albedo alpha' = sigma_s' / sigma_t', shape (C,); theory.md 1.2."""
         return self.sigma_sp_per_mm / self.sigma_tp_per_mm
 
     @cached_property
     def absorbed(self) -> Float:
-        """w = sigma_a / sigma_t' = 1 - alpha', without the subtraction that loses it when sigma_a is small."""
+        """Share w = sigma_a / sigma_t' = 1 - alpha', without the subtraction; theory.md 1.2."""
         return self.sigma_a_per_mm / self.sigma_tp_per_mm
 
     @cached_property
     def diffusion_mm(self) -> Float:
-        """D = 1 / (3 sigma_t'); theory.md 1.3."""
+        """Diffusion coefficient D = 1 / (3 sigma_t'), mm, shape (C,); theory.md 1.3."""
         return 1 / (3 * self.sigma_tp_per_mm)
 
     @cached_property
     def sigma_tr_per_mm(self) -> Float:
-        """Effective transport coefficient; theory.md 1.4."""
+        """Effective transport coefficient, 1/mm, shape (C,); theory.md 1.4."""
         return np.sqrt(3 * self.sigma_a_per_mm) * np.sqrt(self.sigma_tp_per_mm)
 
     @cached_property
     def free_path_mm(self) -> Float:
-        """Transport mean free path 1 / sigma_t', the depth of the real source."""
+        """Transport mean free path z_r = 1 / sigma_t', the depth of the real source, mm, shape (C,); theory.md 1.5."""
         return 1 / self.sigma_tp_per_mm
 
     def extrapolation_mm(self, boundary: float) -> Float:
-        """z_b = 2 A D; theory.md 1.5."""
+        """Height z_b = 2 A D above the face at which the fluence extrapolates to 0, mm, shape (C,); theory.md 1.5."""
         return 2 * boundary * self.diffusion_mm

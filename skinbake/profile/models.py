@@ -33,7 +33,7 @@ class DipoleProfile(SpectralProfile):
 
     @property
     def factor(self) -> float:
-        """A of the face."""
+        """Boundary factor A of the face."""
         return boundary_factor(self.eta, self.boundary)
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
@@ -51,7 +51,7 @@ class DipoleProfile(SpectralProfile):
 
     @property
     def lengths_mm(self) -> tuple[float, float]:
-        """From the source's depth to the diffusion length."""
+        """Free path and diffusion length, mm: as `media_lengths`."""
         return media_lengths((self.medium,))
 
 
@@ -72,19 +72,23 @@ class BetterDipoleProfile(SpectralProfile):
 
     @property
     def lengths_mm(self) -> tuple[float, float]:
-        """From the source's depth to the diffusion length."""
+        """Free path and diffusion length, mm: as `media_lengths`."""
         return media_lengths((self.dipole.medium,))
 
 
 @dataclass(frozen=True)
 class LayeredProfile(SpectralProfile):
-    """Layers by adding, one channel a coefficient; `to_rgb` mixes the channels where they are wavelengths.
+    """Layers joined by adding, one channel a coefficient; `to_rgb` mixes the channels where they are wavelengths.
 
     Attributes
     ----------
+    layers : tuple of Layer
+        Top first.
     to_rgb : ndarray of shape (3, C)
+    boundary : {"polynomial", "exact", "better"}
+        As `boundary_factor`.
     thin_layers : {"guarded", "ballistic", "continued"}
-        See `slab`.
+        As `slab`.
     """
 
     layers: tuple[Layer, ...]
@@ -97,6 +101,7 @@ class LayeredProfile(SpectralProfile):
         object.__setattr__(self, "layers", without_empty(self.layers))
 
     def _response(self, s_per_mm: Array) -> tuple[Array, Array]:
+        """R~ and T~ of the stack, each (C, ...)."""
         return stack_response(self.layers, s_per_mm, self.boundary, self.thin_layers)
 
     def hankel(self, s_per_mm: Float) -> Float:
@@ -105,16 +110,17 @@ class LayeredProfile(SpectralProfile):
 
     @property
     def total_transmittance(self) -> Float:
-        """T~(0)."""
+        """Total transmittance T~(0), shape (3,)."""
         return self.to_rgb @ self._response(np.zeros((1, 1)))[1][:, 0]
 
     @property
     def sharp_transmittance(self) -> Float:
-        """Limit of T~ at infinite frequency."""
+        """Limit of T~ at infinite frequency, shape (3,): the delta of T(r)."""
         return self.to_rgb @ self._sharp
 
     @property
     def _sharp(self) -> Float:
+        """The same by channel, shape (C,)."""
         channels = len(self.layers[0].medium.albedo)
         return np.broadcast_to(sharp_stack_transmittance(self.layers, self.thin_layers), channels)
 
@@ -123,13 +129,14 @@ class LayeredProfile(SpectralProfile):
         return self._inverse(lambda s: self._response(s)[0], radius_mm)
 
     def transmittance(self, radius_mm: ArrayLike) -> Float:
-        """T(r) by the inverse Hankel transform of what is not a delta."""
+        """T(r) without its delta, by the inverse Hankel transform."""
         if np.isinf(self.layers[-1].thickness_mm):
             return super().transmittance(radius_mm)
         sharp = self._sharp[:, None, None]
         return self._inverse(lambda s: self._response(s)[1] - sharp.reshape(sharp.shape[: s.ndim]), radius_mm)
 
     def _inverse(self, transform: Transform, radius_mm: ArrayLike) -> Float:
+        """Inverse Hankel transform of channels (C, ...), mixed to RGB: shape (N, 3)."""
         first = np.min([layer.medium.sigma_tr_per_mm for layer in self.layers], axis=0)
         radius = as_radii(radius_mm)
         shortest, longest = self.lengths_mm
@@ -143,7 +150,7 @@ class LayeredProfile(SpectralProfile):
 
     @property
     def lengths_mm(self) -> tuple[float, float]:
-        """Least distance of a source from a face, to the longest free path or diffusion length."""
+        """Least distance of a source from a face, and the longest free path or diffusion length, mm."""
         shortest, longest = media_lengths(tuple(layer.medium for layer in self.layers))
         for layer in self.layers:
             if np.isfinite(layer.thickness_mm):
@@ -155,7 +162,14 @@ class LayeredProfile(SpectralProfile):
 
 @dataclass(frozen=True)
 class BurleyProfile(SpectralProfile):
-    """Normalised diffusion. R rises as 1/r: r = 0 is given as a disc mean of radius d/20, a fit is seen through it."""
+    """Normalised diffusion, theory.md 8.1. R rises as 1/r: at r = 0 it is the mean over a disc of radius d/20.
+
+    A fit sees model and Gaussians through a Gaussian of that size.
+
+    Attributes
+    ----------
+    d_mm, albedo : ndarray of shape (3,)
+    """
 
     d_mm: Float
     albedo: Float
@@ -163,7 +177,7 @@ class BurleyProfile(SpectralProfile):
 
     @property
     def footprint_mm(self) -> float:  # type: ignore[override]
-        """d/20 of the narrowest channel."""
+        """Radius of the disc, d/20 of the narrowest channel, mm."""
         return float(np.min(self.d_mm)) / 20
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
@@ -175,16 +189,16 @@ class BurleyProfile(SpectralProfile):
 
     @property
     def total_reflectance(self) -> Float:
-        """The albedo A."""
+        """Total reflectance A, shape (3,)."""
         return self.albedo
 
     def hankel(self, s_per_mm: Float) -> Float:
-        """Closed form of R~(s)."""
+        """R~(s) by theory.md 8.1."""
         return burley_hankel(self.d_mm, self.albedo, s_per_mm).T
 
     @property
     def lengths_mm(self) -> tuple[float, float]:
-        """The footprint cuts the frequencies at exp(-36)."""
+        """Lengths such that the footprint has damped the highest frequency to exp(-36)."""
         return self.footprint_mm * 45 / 8.5, float(np.max(self.d_mm)) * 3
 
 
@@ -196,16 +210,16 @@ class GaussianProfile(SpectralProfile):
     model: str = "gaussians"
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
-        """Sum of the Gaussians at r."""
+        """Sum of the Gaussians at r, mm^-2, shape (N, 3)."""
         return self.gaussians.evaluate(as_radii(radius_mm))
 
     def hankel(self, s_per_mm: Float) -> Float:
-        """Sum of w exp(-v s^2 / 2)."""
+        """Sum of w exp(-v s^2 / 2), shape (M, 3)."""
         return np.exp(-(s_per_mm[:, None] ** 2) * self.gaussians.variance_mm2 / 2) @ self.gaussians.weight_rgb
 
     @property
     def lengths_mm(self) -> tuple[float, float]:
-        """Frequencies up to exp(-36) of the narrowest that is not a delta."""
+        """Lengths such that the narrowest Gaussian, deltas aside, has fallen to exp(-36) at the highest frequency."""
         wide = self.gaussians.variance_mm2[self.gaussians.variance_mm2 > 0]
         if wide.size == 0:
             return 1.0, 1.0
@@ -213,7 +227,10 @@ class GaussianProfile(SpectralProfile):
 
 
 def media_lengths(media: tuple[Medium, ...]) -> tuple[float, float]:
-    """Shortest free path, and longest free path or diffusion length (at most 1e3 free paths, where nothing absorbs)."""
+    """Shortest free path, and longest free path or diffusion length, mm.
+
+    Where nothing absorbs the diffusion length is infinite; 1e3 free paths stand for it.
+    """
     paths = np.concatenate([medium.free_path_mm for medium in media])
     spread = np.concatenate([1 / np.maximum(m.sigma_tr_per_mm, 1e-3 / m.free_path_mm) for m in media])
     return float(paths.min()), float(max(paths.max(), spread.max()))

@@ -1,4 +1,4 @@
-"""The inner loop of transport: photon packets through layers, compiled."""
+"""Inner loop of transport: photon packets through layers, compiled."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(
 
 @njit(cache=True, nogil=True, inline="always")
 def _mixed(state):  # type: ignore[no-untyped-def]
-    """Output function of splitmix64 [Steele2014]."""
+    """Random 64 bits from a counter: the output function of splitmix64 [Steele2014]."""
     z = (state ^ (state >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
     return z ^ (z >> _S31)
@@ -30,15 +30,24 @@ def _mixed(state):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _uniform(bits):  # type: ignore[no-untyped-def]
-    """Inside (0, 1): 0 and 1 never occur, so a logarithm is always finite."""
+    """Number inside (0, 1) from 64 random bits; 0 and 1 never occur, so a logarithm is always finite."""
     return (np.float64(bits >> _S11) + 0.5) * (1.0 / 9007199254740992.0)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
-    """Unpolarised reflectance, and the cosine beyond the face (0 at total reflection)."""
+    """Unpolarised Fresnel reflectance, and the cosine beyond the face (0 at total reflection).
+
+    Parameters
+    ----------
+    n_from, n_to : float
+        Refractive indices before and behind the face.
+    cos_from : float
+        Cosine of the direction to the face's normal, >= 0.
+    """
     if n_from == n_to:
         return 0.0, cos_from
+    # Snell's law gives the direction beyond, Fresnel's equations each polarisation
     ratio = n_from / n_to
     sin2 = ratio * ratio * (1.0 - cos_from * cos_from)
     if sin2 >= 1.0:
@@ -51,7 +60,7 @@ def _fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bins):  # type: ignore[no-untyped-def]
-    """Sums of the weights, and of their squares, that leave through each annulus.
+    """Sums of the weights, and of their squares, that leave through each annulus; theory.md 9.1.
 
     Parameters
     ----------
@@ -61,17 +70,17 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
     face : ndarray of shape (L + 1,)
         Depths of the faces, mm; the last may be infinite.
     sigma_t, albedo, g : ndarray of shape (L,)
-        Per layer: extinction 1/mm, single-scattering albedo, Henyey-Greenstein mean cosine.
+        Of each layer: extinction 1/mm, single-scattering albedo, Henyey-Greenstein mean cosine.
     index : ndarray of shape (L + 2,)
         Refractive indices, with the outside above and below.
-    log_first, per_log, bins
-        Disc of radius exp(log_first), then `per_log` annuli an e-fold; the last of `bins` holds all beyond.
+    log_first, per_log, bins : float, float, int
+        Disc of radius exp(log_first) mm, then `per_log` annuli an e-fold; the last of `bins` holds all beyond.
 
     Returns
     -------
-    ndarray of shape (2, 2, bins)
+    tally : ndarray of shape (2, 2, bins)
         [above or below, sum w or sum w^2, annulus].
-    ndarray of shape (2,)
+    other : ndarray of shape (2,)
         Weight that left below without scattering, weight lost to the limit of events.
 
     References
@@ -109,6 +118,7 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
                 x += ux * distance
                 y += uy * distance
                 depth -= distance * sigma_t[layer]
+                # At a face: reflected by chance F, else refracted by Snell's law
                 down = uz > 0.0
                 z = face[layer + 1] if down else face[layer]
                 beyond = layer + 1 if down else layer - 1
@@ -140,6 +150,7 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
                 weight = weight / ROULETTE_SURVIVAL if _uniform(_mixed(state)) < ROULETTE_SURVIVAL else 0.0
             state += _GOLDEN
             u = _uniform(_mixed(state))
+            # Polar angle of Henyey and Greenstein's phase function, azimuth even
             mean = g[layer]
             if mean == 0.0:
                 cos_theta = 2.0 * u - 1.0
@@ -150,6 +161,7 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
             state += _GOLDEN
             phi = 2.0 * math.pi * _uniform(_mixed(state))
             cos_phi, sin_phi = math.cos(phi), math.sin(phi)
+            # Turn the direction by both angles; along the normal the general form is 0/0
             if abs(uz) > VERTICAL:
                 ux, uy, uz = sin_theta * cos_phi, sin_theta * sin_phi, math.copysign(cos_theta, cos_theta * uz)
             else:
@@ -165,6 +177,7 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
                 uz *= scale
 
         if leaves >= 0:
+            # Score what leaves into the annulus of its radius
             if leaves == 1 and events == 0:
                 other[0] += weight
             radius = math.sqrt(x * x + y * y)

@@ -1,4 +1,4 @@
-"""What one layer does to light of one spatial frequency: the multipole summed in closed form in the Hankel domain."""
+"""One layer's response to light of one spatial frequency: the multipole, summed in closed form in the Hankel domain."""
 
 from __future__ import annotations
 
@@ -24,9 +24,16 @@ Array = NDArray[Any]  # float64 on the real frequency axis, complex128 on the co
 
 @dataclass(frozen=True)
 class Response:
-    """Reflection and transmission at each frequency, lit from above (down) and from below (up), shape (C, ...).
+    """Reflection and transmission at each frequency, each array of shape (C, ...).
 
-    `down_loss` and `up_loss` are 1 - R, carried because R comes within round-off of 1 where nothing absorbs.
+    Attributes
+    ----------
+    down_r, down_t : ndarray
+        Lit from above.
+    up_r, up_t : ndarray
+        Lit from below.
+    down_loss, up_loss : ndarray
+        1 - R, carried because R comes within round-off of 1 where nothing absorbs.
     """
 
     down_r: Array
@@ -45,10 +52,11 @@ def per_channel(value: Array, like: Array) -> Array:
 def slab(
     medium: Medium, thickness_mm: float, top: float, bottom: float, s_per_mm: Array, thin: ThinLayers = "guarded"
 ) -> Response:
-    """Response of a slab, theory.md 3.5, 3.6 and 3.8: exact sum of infinitely many dipoles, free of overflow.
+    """Response of a slab, theory.md 3.5, 3.6 and 3.8: the exact sum of infinitely many dipoles, free of overflow.
 
     Parameters
     ----------
+    medium : Medium
     thickness_mm : float
         Above 0 and finite.
     top, bottom : float
@@ -56,6 +64,7 @@ def slab(
     s_per_mm : ndarray of shape (C or 1, ...)
         Spatial frequency, real or in the first quadrant of the complex plane.
     thin : {"guarded", "ballistic", "continued"}
+        Treatment of layers thinner than a free path, theory.md 3.10.
 
     References
     ----------
@@ -63,6 +72,7 @@ def slab(
     """
     g = np.sqrt(per_channel(medium.sigma_tr_per_mm**2, s_per_mm) + s_per_mm * s_per_mm)
     albedo, absorbed = per_channel(medium.albedo, g), per_channel(medium.absorbed, g)
+    # Depth of the source, and the layer extended by both extrapolation lengths, theory.md 3.1
     free_path = medium.free_path_mm
     depth = free_path if thin == "continued" else np.minimum(free_path, thickness_mm)
     above = medium.extrapolation_mm(top)
@@ -75,6 +85,7 @@ def slab(
         """sinh(g y) exp(-g y); 1 less this is cosh(g y) exp(-g y)."""
         return -np.expm1(-2 * g * y) / 2
 
+    # Hyperbolic functions over their leading exponential, theory.md 3.5
     whole = scaled_sinh(length)
     still = whole == 0  # g = 0, where sinh(g y) / sinh(g L) is y / L
     divisor = np.where(still, 1, whole)
@@ -82,6 +93,7 @@ def slab(
     half_source = scaled_sinh(source / 2)
 
     def one_side(zb_near: Array, zb_far: Array) -> tuple[Array, Array, Array]:
+        """R~, T~ and 1 - R~ for light that enters by the near face."""
         remaining, before = far + zb_far, zb_near + source
         sinh_remaining, sinh_before = scaled_sinh(remaining), scaled_sinh(before)
         share_remaining = np.where(still, remaining / length, sinh_remaining / divisor)
@@ -95,6 +107,7 @@ def slab(
 
     down_r, down_t, down_loss = one_side(zb_top, zb_bottom)
     up_r, up_t, up_loss = one_side(zb_bottom, zb_top)
+    # Light that crosses without scattering, theory.md 3.10
     if thin != "continued":
         crossing = per_channel(unscattered(medium, thickness_mm, thin), g)
         scattered = 1 - crossing
@@ -107,9 +120,15 @@ def slab(
 
 
 def unscattered(medium: Medium, thickness_mm: float, thin: ThinLayers) -> Array:
-    """Share that crosses a slab thinner than the free path without an event, shape (C,).
+    """Share of the light that crosses a slab thinner than a free path without an event, shape (C,); theory.md 3.10.
 
-    Rises from 0 at `THIN` free paths to 1 at no thickness, so that a vanishing layer vanishes and nothing jumps.
+    It rises from 0 at `THIN` free paths to 1 at no thickness, so that a vanishing layer vanishes and nothing jumps.
+
+    Parameters
+    ----------
+    medium : Medium
+    thickness_mm : float
+    thin : {"guarded", "ballistic", "continued"}
     """
     if thin == "continued":
         return np.zeros_like(medium.albedo)
@@ -118,14 +137,28 @@ def unscattered(medium: Medium, thickness_mm: float, thin: ThinLayers) -> Array:
 
 
 def sharp_transmittance(medium: Medium, thickness_mm: float, thin: ThinLayers) -> Array:
-    """Limit of T at infinite frequency, shape (C,): the part of T(r) that is a delta at r = 0."""
+    """Limit of T~ at infinite frequency, shape (C,): the part of T(r) that is a delta at r = 0.
+
+    Parameters
+    ----------
+    medium : Medium
+    thickness_mm : float
+    thin : {"guarded", "ballistic", "continued"}
+    """
     ballistic = unscattered(medium, thickness_mm, thin)
     at_lower_face = np.where((thickness_mm <= medium.free_path_mm) & (thin != "continued"), medium.albedo / 2, 0.0)
     return ballistic + (1 - ballistic) * at_lower_face
 
 
 def half_space(medium: Medium, top: float, s_per_mm: Array) -> tuple[Array, Array]:
-    """R and 1 - R of a semi-infinite medium, theory.md 2.6 and 2.4, shape (C, ...).
+    """R~ and 1 - R~ of a semi-infinite medium, theory.md 2.6 and 2.4, each of shape (C, ...).
+
+    Parameters
+    ----------
+    medium : Medium
+    top : float
+        Boundary factor A of the face.
+    s_per_mm : ndarray of shape (C or 1, ...)
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""From reflectance per wavelength to linear RGB."""
+"""Linear RGB of a reflectance by wavelength."""
 
 from __future__ import annotations
 
@@ -66,6 +66,7 @@ _RGB_OF_XYZ = np.array(
 
 
 def _lobe(wavelength_nm: Float, centre: float, below: float, above: float) -> Float:
+    """One lobe of the fit [Wyman2013]: a Gaussian of inverse width `below` on the left, `above` on the right, 1/nm."""
     slope = np.where(wavelength_nm < centre, below, above)
     return np.exp(-(((wavelength_nm - centre) * slope) ** 2) / 2)
 

@@ -1,4 +1,4 @@
-"""Where a search for variances may begin: a non-negative fit on a dense grid, merged down to the number wanted."""
+"""Starting points of the search for variances: a non-negative fit on a dense grid, merged down to the number wanted."""
 
 from __future__ import annotations
 
@@ -11,16 +11,23 @@ GRID_RATIO = 1.4  # between variances of the dense grid
 
 
 def dense_fit(nodes: FitNodes, wanted: Float, log_range: tuple[float, float]) -> tuple[Float, list[Float]]:
-    """A grid of ln v, shape (K,), and what a non-negative fit keeps of it: by light, and by share in the norm.
+    """Grid of ln v, and two measures of how much a non-negative fit uses each of its Gaussians.
 
-    The problem is convex, so it cannot miss: it puts neighbours about every Gaussian that the profile contains.
+    The problem is convex, so its solution puts neighbours about every Gaussian that the profile contains.
 
     Parameters
     ----------
+    nodes : FitNodes
     wanted : ndarray of shape (M, C)
         Weighted target, each channel of norm 1.
     log_range : tuple of float
         Least and greatest ln v.
+
+    Returns
+    -------
+    log_v : ndarray of shape (K,)
+    importance : list of two ndarrays of shape (K,)
+        By light, and by share in the norm.
     """
     from scipy.optimize import nnls
 
@@ -35,7 +42,15 @@ def dense_fit(nodes: FitNodes, wanted: Float, log_range: tuple[float, float]) ->
 
 
 def merged(log_v: Float, importance: Float, count: int) -> Float:
-    """Cluster centres: neighbours merge, least spread first, until `count` are left; too few are filled in the gaps."""
+    """Centres of `count` clusters of a grid, ascending: neighbours merge, least spread first; gaps are filled if too
+    few.
+
+    Parameters
+    ----------
+    log_v, importance : ndarray of shape (K,)
+    count : int
+        At least 1.
+    """
     some = importance > 1e-9 * importance.sum()
     if not some.any():
         return np.linspace(log_v[0], log_v[-1], count)

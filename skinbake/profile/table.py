@@ -44,7 +44,13 @@ class TableProfile(DiffusionProfile):
             raise ValueError(f"R, G, B: expected finite values of shape ({len(radius)}, 3), got {self.table_rgb.shape}")
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
-        """R(r) between the table's radii."""
+        """R(r) between the table's radii, mm^-2, shape (N, 3).
+
+        Raises
+        ------
+        ValueError
+            If a radius is negative or not finite.
+        """
         from scipy.interpolate import PchipInterpolator
 
         radius = as_radii(radius_mm)
@@ -65,7 +71,7 @@ class TableProfile(DiffusionProfile):
         return self._nodes.total
 
     def fit_nodes(self) -> AnnulusNodes:
-        """Annuli finer than the table."""
+        """Means over annuli, four between two radii of the table."""
         return self._nodes
 
     @cached_property

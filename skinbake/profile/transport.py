@@ -52,27 +52,27 @@ class TransportProfile(DiffusionProfile):
 
     @property
     def total_reflectance(self) -> Float:
-        """All light that left above."""
+        """Share of the light that left above, shape (3,)."""
         return self.total[0]
 
     @property
     def total_transmittance(self) -> Float:
-        """All light that left below."""
+        """Share of the light that left below, shape (3,)."""
         return self.total[1]
 
     @property
     def sharp_transmittance(self) -> Float:
-        """Light that crossed without scattering."""
+        """Share that crossed without scattering, shape (3,)."""
         return self.unscattered
 
     @property
     def total_stderr(self) -> Float:
-        """Standard error of the total reflectance."""
+        """Standard error of the total reflectance, shape (3,)."""
         return self.total_error[0]
 
     @property
     def relative_noise(self) -> Float:
-        """Root of the summed variances of the annuli over the norm of the profile, shape (3,)."""
+        """Standard error in the norm of the fit, relative to the profile, shape (3,)."""
         nodes = self.fit_nodes()
         area = np.pi * np.diff(nodes.edge_mm**2)[:, None]
         weight = nodes.root_weight[:, None]
@@ -80,21 +80,24 @@ class TransportProfile(DiffusionProfile):
         return safe_div(noise, np.linalg.norm(weight * nodes.target, axis=0))
 
     def reflectance(self, radius_mm: ArrayLike) -> Float:
-        """R(r) between the annuli."""
+        """R(r), interpolated between the annuli, mm^-2, shape (N, 3)."""
         return self._between(self.light[0], radius_mm)
 
     def transmittance(self, radius_mm: ArrayLike) -> Float:
-        """T(r) between the annuli, without the unscattered light."""
+        """T(r) without the unscattered light, interpolated between the annuli, mm^-2, shape (N, 3)."""
         scattered = self.light[1].copy()
         scattered[0] -= self.unscattered
         return self._between(np.maximum(scattered, 0), radius_mm)
 
     def stderr(self, radius_mm: ArrayLike) -> Float:
-        """Standard error of R(r)."""
+        """Standard error of R(r), mm^-2, shape (N, 3)."""
         return self._between(self.light_stderr[0], radius_mm)
 
     def _between(self, light: Float, radius_mm: ArrayLike) -> Float:
-        """Interpolate r^2 R, nearly even in ln r; where R falls as 1/r a disc's mean is R at half its radius."""
+        """Values at radii from light by annulus: r^2 R, nearly even in ln r, is interpolated.
+
+        Where R falls as 1/r, a disc's mean is R at half its radius.
+        """
         radius = as_radii(radius_mm)
         edge = self.edge_mm[:-1]
         mean = light[:-1] / (np.pi * np.diff(edge**2))[:, None]
@@ -105,15 +108,16 @@ class TransportProfile(DiffusionProfile):
 
     @property
     def footprint_mm(self) -> float:  # type: ignore[override]
-        """Radius of the disc that a fit sees as one: light scattered once rises as 1/r within a free path."""
+        """Radius, mm, of the disc that a fit sees as one: light scattered once rises as 1/r within a free path."""
         return float(self.edge_mm[self._disc])
 
     @property
     def _disc(self) -> int:
+        """Number of annuli inside that disc."""
         return int(np.searchsorted(self.edge_mm, FIT_DISC * self.free_path_mm))
 
     def _seen(self, light: Float) -> Float:
-        """Annuli from the disc to the last but one, which has an end."""
+        """Light by annulus as a fit sees it: the disc as one, and without the last annulus, which has no end."""
         return np.concatenate([light[: self._disc].sum(axis=0, keepdims=True), light[self._disc : -1]])
 
     def fit_nodes(self) -> AnnulusNodes:
@@ -123,7 +127,7 @@ class TransportProfile(DiffusionProfile):
 
 
 def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: int | None = None) -> TransportProfile:
-    """Trace a perpendicular pencil beam into a stack of layers, `photons` packets a channel.
+    """Trace a perpendicular pencil beam into a stack of layers, `photons` packets a channel; theory.md 9.1.
 
     Parameters
     ----------
@@ -132,6 +136,8 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
     photons : int
     seed : int
         The same seed gives the same result, bit for bit, on any number of threads.
+    threads : int, optional
+        As many as the machine has, unless given.
 
     Raises
     ------
@@ -161,6 +167,7 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
     share[: photons % CHUNKS] += 1
 
     def run(task: tuple[int, int]) -> tuple[Float, Float]:
+        """Tally of one channel and chunk, as `trace`."""
         channel, chunk = task
         if share[chunk] == 0:
             return np.zeros((2, 2, bins)), np.zeros(2)
@@ -187,6 +194,7 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
     total = light.sum(axis=1)
 
     def error(mean: Float, square: Float) -> Float:
+        """Standard error of a mean over packets, from the means of w and w^2."""
         return np.sqrt(np.maximum(square - mean**2, 0) / photons)
 
     return TransportProfile(

@@ -1,4 +1,4 @@
-"""Variances by variable projection: for any variances the best weights are known, so only ln v is searched."""
+"""Variances by variable projection: for given variances the best weights are known, so only ln v is searched."""
 
 from __future__ import annotations
 
@@ -26,7 +26,14 @@ WALL = 10.0  # residual for each e-fold beyond the range, against fit residuals 
 
 @dataclass(frozen=True)
 class Projection:
-    """Variances, their best weights, and the relative error (theory.md 4.2) of each channel."""
+    """Variances, their best weights, and the relative error (theory.md 4.2) of each channel.
+
+    Attributes
+    ----------
+    variance_mm2 : ndarray of shape (K,)
+    weight : ndarray of shape (K, C)
+    error : ndarray of shape (C,)
+    """
 
     variance_mm2: Float  # (K,)
     weight: Float  # (K, C)
@@ -72,7 +79,7 @@ class Fitter:
         self._last: tuple[Float, tuple[Float, Float, Float]] | None = None
 
     def fit(self, count: int, starts: Iterable[Float] = ()) -> Projection:
-        """Best `count` Gaussians found from several starting places, and from `starts` (each of `count` variances).
+        """Best `count` Gaussians found from several starting points, and from `starts` (each of `count` variances).
 
         Raises
         ------
@@ -115,18 +122,21 @@ class Fitter:
         return self.project(np.exp(cumulate @ min(ends, key=squared_error)))
 
     def project(self, variance_mm2: Float) -> Projection:
-        """Best weights for given variances."""
+        """Best weights for variances of shape (K,), mm^2."""
         columns, _, weight = self._weights(np.log(variance_mm2))
         error = np.linalg.norm(columns @ weight - self.wanted, axis=0)
         return Projection(variance_mm2, weight * np.where(self.lit, self.norm, 0), np.where(self.lit, error, 0))
 
     def _weights(self, log_v: Float) -> tuple[Float, Float, Float]:
-        """Weighted columns, their slopes by ln v, best weights; kept, since the Jacobian follows its residual."""
+        """Weighted columns, their slopes by ln v, and the best weights; kept, since the Jacobian is asked for after
+        its residual.
+        """
         if self._last is None or not np.array_equal(self._last[0], log_v):
             self._last = log_v.copy(), self._best(log_v)
         return self._last[1]
 
     def _best(self, log_v: Float) -> tuple[Float, Float, Float]:
+        """Weighted columns (M, K), their slopes by ln v (M, K), and the best weights (K, C)."""
         value, slope = self.nodes.basis(np.exp(log_v))
         columns = value * self.nodes.root_weight[:, None]
         slope = slope * self.nodes.root_weight[:, None]
@@ -140,12 +150,13 @@ class Fitter:
         return columns, slope, weight
 
     def _residual(self, log_v: Float) -> Float:
+        """Misfit of every channel in one row, and last a wall that keeps the widest variance in range."""
         columns, _, weight = self._weights(log_v)
         beyond = max(0.0, log_v[-1] - self.log_range[1])
         return np.append((columns @ weight - self.wanted).T.ravel(), WALL * beyond)
 
     def _jacobian(self, log_v: Float) -> Float:
-        """Derivative with the weights' own response projected out (Kaufman's form)."""
+        """Derivative of the residual by ln v, with the weights' own response projected out (Kaufman's form)."""
         columns, slope, weight = self._weights(log_v)
         blocks = []
         for c in range(weight.shape[1]):
@@ -164,22 +175,24 @@ class Fitter:
 
     @cached_property
     def _dense(self) -> tuple[Float, list[Float]]:
+        """Grid of ln v and importances, as `dense_fit`."""
         return dense_fit(self.nodes, self.wanted, self.log_range)
 
     def _log_variance_at(self, share: float) -> tuple[float, float]:
-        """ln v whose window holds `share` of the light, least and greatest over the lit channels."""
+        """Value of ln v whose window holds `share` of the light: the least and the greatest over the lit channels."""
         log_v, shares = self._window
         at = [np.interp(share, shares[:, c], log_v) for c in np.flatnonzero(self.lit)]
         return float(min(at)), float(max(at))
 
     @cached_property
     def _window(self) -> tuple[Float, Float]:
-        """Grid of ln v, and the shares of light under its windows."""
+        """Grid of ln v, shape (J,), and the shares of light under its windows, shape (J, C)."""
         log_v = np.linspace(np.log(1e-14), np.log(1e18), 1200)
         shares = np.maximum.accumulate(self.nodes.window_share(np.exp(log_v)), axis=0)
         return log_v, shares / shares[-1].clip(1e-300)
 
     def _starts(self, count: int) -> list[Float]:
+        """Starting variances, (count,) each: from the dense fit, and spread geometrically over the light."""
         log_v, importances = self._dense
         starts = [np.exp(merged(log_v, importance, count)) for importance in importances]
         for low, high in STARTS if count > 1 else ((0.3, 0.3), (0.7, 0.7)):

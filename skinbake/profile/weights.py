@@ -8,7 +8,7 @@ from skinbake.numerics import Float
 
 
 def best_weights(columns: Float, wanted: Float, total: float | None = None, signed: bool = False) -> Float:
-    """Weights w that minimise |columns w - wanted|.
+    """Weights w that minimise |columns w - wanted|; theory.md 4.3.
 
     Parameters
     ----------
@@ -65,6 +65,7 @@ def best_weights(columns: Float, wanted: Float, total: float | None = None, sign
 
 
 def _solve(columns: Float, wanted: Float, total: float | None, free: np.ndarray) -> Float:
+    """Least squares for the free columns, the others 0, with a given sum if there is one."""
     weights = np.zeros(columns.shape[1])
     part = columns[:, free]
     if total is None:
