@@ -1,4 +1,4 @@
-"""Whether two images are the same, in figures: finite first; then a share may differ a little, none by much."""
+"""Comparison of two images: all finite, few values beyond their limit, none far beyond."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Difference:
     ----------
     same : bool
     why : str
-        What failed first, or "same".
+        The first test that failed, or "same".
     rms, max_absolute, max_relative : float
-        `max_relative` to the largest absolute value of the reference; NaN where nothing could be measured.
+        `max_relative` is relative to the largest absolute value of the reference. NaN where nothing could be measured.
     over : float
         Share of the values beyond their limit.
     worst_at : tuple of int
@@ -51,7 +51,13 @@ class Difference:
 
 
 def compare(image: NDArray[np.floating], reference: NDArray[np.floating], tolerance: Tolerance) -> Difference:
-    """Compare two arrays of one shape; NaN or infinity on either side is a difference, also where both have it."""
+    """Compare two arrays of one shape; NaN or infinity on either side is a difference, also where both have it.
+
+    Parameters
+    ----------
+    image, reference : ndarray of one shape
+    tolerance : Tolerance
+    """
     if image.shape != reference.shape:
         return _unmeasured(f"shape {image.shape} against {reference.shape}")
     for name, values in (("image", image), ("reference", reference)):
@@ -78,11 +84,22 @@ def compare(image: NDArray[np.floating], reference: NDArray[np.floating], tolera
 
 
 def _unmeasured(why: str, at: tuple[int, ...] = ()) -> Difference:
+    """Difference of images that could not be compared, or were not finite."""
     return Difference(False, why, np.nan, np.nan, np.nan, 1.0, at)
 
 
 def read_at(image: NDArray[np.floating], height: int, width: int) -> NDArray[np.float32]:
-    """An image (h, w, channels) read bilinearly at the texel centres of another size, as a stored lobe is."""
+    """Image read bilinearly at the texel centres of another size, as a renderer reads a stored lobe.
+
+    Parameters
+    ----------
+    image : ndarray of shape (h, w, channels)
+    height, width : int
+
+    Returns
+    -------
+    ndarray of shape (height, width, channels), float32
+    """
     rows, columns = (
         np.clip((np.arange(wanted) + 0.5) * have / wanted - 0.5, 0, have - 1)
         for wanted, have in ((height, image.shape[0]), (width, image.shape[1]))

@@ -1,4 +1,4 @@
-"""Closest chart point for texels whose centre no chart holds: thin charts keep their texels, and the gutter."""
+"""Closest chart points of texels whose centre lies on no chart: for thin charts, and for the gutter around charts."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ def chart_edges(mesh: SkinMesh, uv_area: Float) -> NDArray[np.int64]:
 
     Parameters
     ----------
+    mesh : SkinMesh
     uv_area : ndarray of shape (F,)
-        Signed.
+        Signed area of each face in UV space.
     """
     a = mesh.faces.astype(np.int64)
     b = np.roll(a, -1, axis=1)
@@ -61,7 +62,22 @@ def nearest_chart_points(
     face_index: NDArray[np.int32],
     barycentric: NDArray[np.float32],
 ) -> None:
-    """Give each empty texel within `radius_texels` of a chart edge the closest point of it, in place."""
+    """Give each empty texel within `radius_texels` of a chart edge the closest point of it, in place.
+
+    Parameters
+    ----------
+    corner_xy : ndarray of shape (F, 3, 2)
+        Corners in texels, x to the right, y down.
+    edges : ndarray of shape (E,)
+        Border edges, 3 * face + k (`chart_edges`).
+    start, items : ndarrays
+        Edges by band of rows (`bin_by_band`).
+    radius_texels : float
+    face_index : ndarray of shape (H, W), int32
+        Written where it was NO_FACE.
+    barycentric : ndarray of shape (H, W, 2), float32
+        Weights of corners 1 and 2, written at the same texels.
+    """
     height, width = face_index.shape
     for band in prange(len(start) - 1):
         first_row, row_end = band * BAND_ROWS, min((band + 1) * BAND_ROWS, height)
@@ -71,6 +87,7 @@ def nearest_chart_points(
             for col in range(width):
                 if face_index[row, col] != NO_FACE:
                     best[row - first_row, col] = -1.0
+        # Each edge claims the texels to which it is nearer than all before it
         for item in range(start[band], start[band + 1]):
             face, k = edges[items[item]] // 3, edges[items[item]] % 3
             ax, ay = corner_xy[face, k, 0], corner_xy[face, k, 1]
@@ -96,6 +113,7 @@ def nearest_chart_points(
                     if best[row - first_row, col] < 0.0:
                         continue
                     cx = col + 0.5
+                    # Closest point of the edge to the texel's centre, and its barycentrics
                     t = ((cx - ax) * dx + (cy - ay) * dy) / length2 if length2 > 0.0 else 0.0
                     t = min(max(t, 0.0), 1.0)
                     ex, ey = ax + t * dx - cx, ay + t * dy - cy

@@ -1,4 +1,4 @@
-"""Exact area coverage of texels by triangles, and which triangle holds each texel's centre."""
+"""Exact area coverage of texels by triangles, and the triangle that holds each texel's centre."""
 
 from __future__ import annotations
 
@@ -15,7 +15,21 @@ BAND_ROWS = 32  # rows that one task owns: no two tasks write the same texel, wh
 
 @njit(cache=True, nogil=True)
 def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Compressed lists, band by band and in ascending order, of the items whose rows low_y ... high_y meet the band."""
+    """Items by band of `BAND_ROWS` rows: compressed lists, band by band and in ascending order.
+
+    Parameters
+    ----------
+    low_y, high_y : ndarray of shape (n,)
+        Rows between which an item lies; NaN leaves it out.
+    height : int
+        Rows of the texture.
+
+    Returns
+    -------
+    start : ndarray of shape (bands + 1,)
+    items : ndarray
+        Those of band b are items[start[b]:start[b + 1]].
+    """
     bands = (height + BAND_ROWS - 1) // BAND_ROWS
     start = np.zeros(bands + 1, dtype=np.int64)
     first = np.empty(len(low_y), dtype=np.int64)
@@ -41,7 +55,17 @@ def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.in
 
 @njit(cache=True)
 def _edge(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
-    """Twice the signed area of (a, b, p), evaluated in one vertex order so that both users of an edge agree exactly."""
+    """Twice the signed area of (a, b, p), texels^2, evaluated in one vertex order.
+
+    Both users of an edge so get the same number, and a centre on it belongs to exactly one of them.
+
+    Parameters
+    ----------
+    ax, ay, bx, by : float
+        Ends of the edge.
+    px, py : float
+        Point.
+    """
     if (ax, ay) <= (bx, by):
         return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
     return -((ax - bx) * (py - by) - (ay - by) * (px - bx))
@@ -49,7 +73,21 @@ def _edge(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> f
 
 @njit(cache=True)
 def _clip(poly: Float, n: int, axis: int, keep_above: bool, bound: float, out: Float) -> int:
-    """Sutherland-Hodgman against one axis-aligned line."""
+    """Clip a polygon against one axis-aligned line (Sutherland-Hodgman); the number of corners left.
+
+    Parameters
+    ----------
+    poly : ndarray of shape (at least n, 2)
+    n : int
+        Corners of the polygon.
+    axis : int
+        0 for the line x = bound, 1 for y = bound.
+    keep_above : bool
+        Keep the side of the greater coordinate.
+    bound : float
+    out : ndarray of shape (at least n + 1, 2)
+        The clipped polygon is written here.
+    """
     m = 0
     sign = 1.0 if keep_above else -1.0
     for i in range(n):
@@ -70,6 +108,7 @@ def _clip(poly: Float, n: int, axis: int, keep_above: bool, bound: float, out: F
 
 @njit(cache=True)
 def _twice_area(poly: Float, n: int) -> float:
+    """Twice the signed area of a polygon's first n corners."""
     total = 0.0
     for i in range(1, n - 1):
         total += (poly[i, 0] - poly[0, 0]) * (poly[i + 1, 1] - poly[0, 1])
@@ -88,16 +127,18 @@ def rasterize_coverage(
     coverage: NDArray[np.float32],
     area_mm2: NDArray[np.float32],
 ) -> None:
-    """Fill the arrays of one tile from its triangles, exactly.
+    """Fill the arrays of one tile from its triangles, exactly: each triangle is clipped to each texel's square.
 
     Parameters
     ----------
     corner_xy : ndarray of shape (F, 3, 2)
-        In texels, x to the right, y down.
+        Corners in texels, x to the right, y down.
     mm2_per_texel : ndarray of shape (F,)
         Skin area of one square texel of that face.
     start, items : ndarrays
         Faces by band of rows (`bin_by_band`).
+    face_index, barycentric, coverage, area_mm2 : ndarrays
+        Written; as in AtlasRaster.
     """
     height, width = face_index.shape
     for band in prange(len(start) - 1):

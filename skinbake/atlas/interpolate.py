@@ -1,4 +1,4 @@
-"""Anything known at the corners of the mesh, at every texel."""
+"""Values known at the corners of the mesh, at every texel."""
 
 from __future__ import annotations
 
@@ -10,13 +10,18 @@ from skinbake.atlas.raster import NO_FACE, AtlasRaster
 
 
 def interpolate(raster: AtlasRaster, corner_values: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Values at texel centres, shape (H, W, k); zero where the atlas is empty.
+    """Values at texel centres, shape (H, W, k), float32; zero where the atlas is empty.
 
     Parameters
     ----------
     raster : AtlasRaster
     corner_values : ndarray of shape (F, 3, k)
         `mesh.corner_position_mm`, `mesh.corner_normal`, ...
+
+    Raises
+    ------
+    ValueError
+        If `corner_values` has another shape.
     """
     if corner_values.ndim != 3 or corner_values.shape[1] != 3:
         raise ValueError(f"corner_values: expected shape (F, 3, k), got {corner_values.shape}")
@@ -33,6 +38,15 @@ def _interpolate(
     values: NDArray[np.float64],
     out: NDArray[np.float32],
 ) -> None:
+    """Blend corner values by each texel's barycentrics; empty texels stay as they are.
+
+    Parameters
+    ----------
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    values : ndarray of shape (F, 3, k)
+    out : ndarray of shape (H, W, k)
+        Written.
+    """
     height, width = face_index.shape
     for row in prange(height):
         for col in range(width):

@@ -1,4 +1,4 @@
-"""How many millimetres of skin a step in UV or across a texel is; theory.md 5.3, 5.5."""
+"""Millimetres of skin for a step in UV or across a texel; theory.md 5.3, 5.5."""
 
 from __future__ import annotations
 
@@ -28,13 +28,16 @@ def first_fundamental_form(mesh: SkinMesh) -> Float:
 
 
 def face_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> Float:
-    """Skin length of one step along a column and along a row, mm, shape (F, 2); `size` is (width, height)."""
+    """Skin length of one step along a column and along a row of each face, mm, shape (F, 2); theory.md 5.3.
+
+    `size` is (width, height) of the texture.
+    """
     form = first_fundamental_form(mesh)
     return np.sqrt(form[:, [0, 2]]) / np.asarray(size, dtype=np.float64)
 
 
 def mm_per_texel(raster: AtlasRaster, mesh: SkinMesh) -> NDArray[np.float32]:
-    """The same at each texel, shape (H, W, 2); zero where the atlas is empty."""
+    """Skin length of one step along a column and along a row at each texel, mm, shape (H, W, 2); zero where empty."""
     height, width = raster.shape
     per_face = face_mm_per_texel(mesh, (width, height)).astype(np.float32)
     return np.where(raster.addressed[..., None], per_face[raster.face_index], np.float32(0))

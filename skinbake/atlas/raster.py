@@ -45,12 +45,12 @@ class AtlasRaster:
 
     @property
     def covered(self) -> NDArray[np.bool_]:
-        """Texels with weight."""
+        """Texels that charts touch, the ones with weight in sums, (H, W)."""
         return self.coverage > 0
 
     @property
     def addressed(self) -> NDArray[np.bool_]:
-        """Covered or gutter."""
+        """Texels that show a chart point, covered or gutter, (H, W)."""
         return self.face_index != NO_FACE
 
 

@@ -1,4 +1,4 @@
-"""From a mesh with UVs to its atlas: the one place where v becomes a row."""
+"""Rasterisation: a mesh with UVs becomes its atlas. v becomes a row here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skinbake.scene.mesh import SkinMesh
 
 
 def rasterize(mesh: SkinMesh, size: tuple[int, int], gutter: int = 8, udim: bool = False) -> Atlas:
-    """Address of each texel on the mesh, one raster a tile.
+    """Atlas of a mesh: for each texel its place on the mesh, its coverage and its area; one raster a tile.
 
     Coverage and area are exact (each triangle is clipped to each texel's square), so that areas sum to the area of the
     mesh. A texel shows the chart point at its centre; where no chart holds the centre, the closest chart point; where
@@ -34,6 +34,13 @@ def rasterize(mesh: SkinMesh, size: tuple[int, int], gutter: int = 8, udim: bool
     -------
     Atlas
         Tiles in ascending order; a single raster of tile 1001 without `udim`.
+
+    Raises
+    ------
+    ValueError
+        If the size is below 1 x 1 or the gutter negative.
+    InputError
+        As `tiles_of`.
     """
     width, height = size
     if width < 1 or height < 1 or gutter < 0:
@@ -80,6 +87,7 @@ def tile_origin(tile: int) -> tuple[int, int]:
 def _rasterize_tile(
     mesh: SkinMesh, tile: int, size: tuple[int, int], gutter: int, uv_area: Float, edges: np.ndarray
 ) -> AtlasRaster:
+    """Raster of one tile: coverage, centres, then closest points for the rest."""
     width, height = size
     u0, v0 = tile_origin(tile)
     corner_xy = np.empty_like(mesh.corner_uv)

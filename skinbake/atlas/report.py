@@ -1,4 +1,4 @@
-"""What a texture artist should know of a mesh's UVs before baking, and what of it would spoil the bake."""
+"""Report on a mesh's UVs before baking, and the faults among it that would spoil the bake."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GOOD, OVERLAP, FLIPPED, OUTSIDE = 0, 1, 2, 3
 
 @dataclass(frozen=True)
 class UvReport:
-    """Counts are triangles; shares are of the mesh's area.
+    """Figures on a mesh and its UVs. Counts are triangles; shares are of the mesh's area.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class UvReport:
         Sharing texels with another triangle; turned against the majority; without UV area though with skin; with UVs
         outside [0, 1] (or left of the UDIM tiles).
     overlapping_share : float
-        Of the skin that has no texel of its own because another triangle shows there, not of whole triangles: scans
-        have charts that touch by a texel.
+        Skin that has no texel of its own because another triangle shows there. Not whole triangles: charts of scans
+        touch by a texel.
     degenerate_share, outside_share : float
     face_kind : ndarray of shape (F,), uint8
         GOOD, OVERLAP, FLIPPED or OUTSIDE, for a picture.
@@ -66,7 +66,7 @@ class UvReport:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What would spoil a bake, with the remedy; empty for a mesh that can be baked."""
+        """Faults that would spoil a bake, each with its remedy; empty for a mesh that can be baked."""
         found = []
         if self.inside_out:
             found.append("the triangles face inwards: flip the mesh's faces and normals")
@@ -148,6 +148,7 @@ def report_picture(report: UvReport, atlas: Atlas) -> list[NDArray[np.uint8]]:
 
 
 def _quantile(values: Float, weights: Float, q: float) -> float:
+    """Weighted quantile q of values (n,); 0 where there are none."""
     if not len(values):
         return 0.0
     order = np.argsort(values)
@@ -188,7 +189,19 @@ def _mark_overlaps(
     marked: NDArray[np.bool_],
     hidden: NDArray[np.int64],
 ) -> None:
-    """Mark faces that hold a texel's centre which another face shows, and that other; count such texels by face."""
+    """Find faces that hold a texel's centre which another face shows; mark both, and count such texels by face.
+
+    Parameters
+    ----------
+    corner_xy : ndarray of shape (F, 3, 2)
+        Corners in texels, x to the right, y down.
+    drawn : ndarray of shape (F,)
+        Faces with UV area.
+    face_index : ndarray of shape (H, W)
+        Face that each texel shows.
+    marked, hidden : ndarrays of shape (F,), bool and int64
+        Written.
+    """
     height, width = face_index.shape
     for f in prange(len(corner_xy)):
         if not drawn[f]:

@@ -1,4 +1,4 @@
-"""A texture map at the atlas's texels, without aliasing whatever its size."""
+"""Texture maps at the atlas's texels, without aliasing whatever the map's size."""
 
 from __future__ import annotations
 
@@ -47,13 +47,25 @@ def sample_map(
 
 
 def fitted_map(raster: AtlasRaster, mesh: SkinMesh, image: Image) -> tuple[Image, Float]:
-    """A map with no more texels than the atlas, (h, w, k), and each corner's place in the tile, (F, 3, 2)."""
+    """Map averaged down to at most the atlas's size, and the corners' UVs within the tile.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    mesh : SkinMesh
+    image : ndarray of shape (h, w) or (h, w, k)
+
+    Returns
+    -------
+    image : ndarray of shape (h', w', k), float32
+    corner_uv : ndarray of shape (F, 3, 2)
+    """
     image = image.reshape(*image.shape[:2], -1)
     return shrink(image, raster.shape), mesh.corner_uv - np.asarray(tile_origin(raster.tile), np.float64)
 
 
 def shrink(image: Image, shape: tuple[int, int]) -> Image:
-    """Average over boxes along each axis where the image is larger than `shape`; the other axis is left as it is."""
+    """Average an image over boxes along each axis on which it is larger than `shape` (rows, columns)."""
     out = np.ascontiguousarray(image, dtype=np.float32)
     if image.shape[0] > shape[0]:
         out = _shrink_rows(out.reshape(image.shape[0], -1), shape[0]).reshape(shape[0], *image.shape[1:])
@@ -66,6 +78,7 @@ def shrink(image: Image, shape: tuple[int, int]) -> Image:
 
 @njit(cache=True, parallel=True)
 def _shrink_rows(image: Image, rows: int) -> Image:
+    """Image (h, n) averaged over boxes to `rows` rows; boxes may end within a row."""
     out = np.empty((rows, image.shape[1]), dtype=np.float32)
     ratio = image.shape[0] / rows
     for row in prange(rows):
@@ -82,6 +95,16 @@ def _shrink_rows(image: Image, rows: int) -> Image:
 
 @njit(cache=True, parallel=True)
 def _read_map(face_index: NDArray[np.int32], barycentric: Image, corner_uv: Float, image: Image, out: Image) -> None:
+    """Map values (H, W, k) at the texels, written to `out`.
+
+    Parameters
+    ----------
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    corner_uv : ndarray of shape (F, 3, 2)
+        Within the tile, 0 ... 1.
+    image : ndarray of shape (h, w, k)
+    out : ndarray of shape (H, W, k)
+    """
     for row in prange(out.shape[0]):
         for col in range(out.shape[1]):
             f = face_index[row, col]
@@ -97,7 +120,24 @@ def _read_map(face_index: NDArray[np.int32], barycentric: Image, corner_uv: Floa
 def place_in_map(
     corner_uv: Float, f: int, b1: float, b2: float, height: int, width: int
 ) -> tuple[int, int, float, int, int, float]:
-    """Rows and columns of a map that a place in a face lies between, each with the share of the second."""
+    """The two rows and two columns of a map between which a place in a face lies.
+
+    Parameters
+    ----------
+    corner_uv : ndarray of shape (F, 3, 2)
+        Within the tile, 0 ... 1.
+    f : int
+        Face.
+    b1, b2 : float
+        Barycentric weights of its corners 1 and 2.
+    height, width : int
+        Size of the map.
+
+    Returns
+    -------
+    y0, y1, fy, x0, x1, fx : int, int, float, int, int, float
+        Both rows and the share of the second, then columns likewise.
+    """
     b0 = 1.0 - b1 - b2
     u = b0 * corner_uv[f, 0, 0] + b1 * corner_uv[f, 1, 0] + b2 * corner_uv[f, 2, 0]
     v = b0 * corner_uv[f, 0, 1] + b1 * corner_uv[f, 1, 1] + b2 * corner_uv[f, 2, 1]
@@ -110,7 +150,15 @@ def place_in_map(
 
 @njit(cache=True, inline="always")
 def bilinear(image: Image, k: int, y0: int, y1: int, fy: float, x0: int, x1: int, fx: float) -> float:
-    """Channel k of a map at a `place_in_map`."""
+    """Channel k of a map, read bilinearly.
+
+    Parameters
+    ----------
+    image : ndarray of shape (h, w, channels)
+    k : int
+    y0, y1, fy, x0, x1, fx
+        As `place_in_map` returns them.
+    """
     top = image[y0, x0, k] * (1.0 - fx) + image[y0, x1, k] * fx
     bottom = image[y1, x0, k] * (1.0 - fx) + image[y1, x1, k] * fx
     return top * (1.0 - fy) + bottom * fy

@@ -23,7 +23,7 @@ FEWEST = 256  # directions behind the oil's share where no shadows are traced
 def light_environment(
     surface: TexelSurface, occluder: Occluder, plan: EnvironmentPlan, table: Float, f0: float, out: Image
 ) -> None:
-    """Irradiance and unshadowed share, written to `out` (H, W, 4).
+    """Irradiance and unshadowed share of a sky, written to `out` (H, W, 4); theory.md 10.3, 10.4.
 
     Irradiance without shadows is the plan's: harmonics, or a table over all normals integrated exactly. Shadows
     multiply it by the share that the plan's directions find open, drawn in proportion to radiance and the same for
@@ -32,8 +32,14 @@ def light_environment(
 
     Parameters
     ----------
+    surface : TexelSurface
+    occluder : Occluder
+    plan : EnvironmentPlan
     table : ndarray
-        Of the oil's albedo; of size 0 where the oil takes nothing off.
+        Albedo of the oil layer; of size 0 where the oil takes nothing off.
+    f0 : float
+        Reflectance of the oil at normal incidence.
+    out : ndarray of shape (H, W, 4), float32
     """
     addressed = surface.raster.addressed
     if plan.samples or table.size:
@@ -57,7 +63,9 @@ def light_environment(
 
 
 def lattice(raster: AtlasRaster) -> int:
-    """Texels, a power of two up to 32, that span `LATTICE_MM` on average: finer textures do not ask for more rays."""
+    """Texels, a power of two up to 32, that span `LATTICE_MM` on average, so that finer textures ask for no more
+    rays.
+    """
     texels, area = raster.coverage.sum(dtype=np.float64), raster.area_mm2.sum(dtype=np.float64)
     if texels == 0 or area == 0:
         return 1

@@ -17,19 +17,33 @@ SKY = (64, 128)  # to which a map is averaged for that table: the cosine is smoo
 
 
 def direction_of(u: Float, v: Float, rotate_deg: float = 0.0) -> Float:
-    """Direction that a place of the map shows: y up, u = 0.5 towards +z, u = 0.75 towards -x (as seen from inside).
+    """Unit direction that a place of the map shows, shape (..., 3): y up, u = 0.5 towards +z, u = 0.75 towards -x.
 
-    `rotate_deg` turns the map about +y, +z towards +x.
+    As seen from inside the sphere.
+
+    Parameters
+    ----------
+    u, v : ndarray of shape (...)
+        Place in the map, 0 ... 1, v up.
+    rotate_deg : float
+        Turns the map about +y, +z towards +x.
     """
     polar, azimuth = np.pi * (1 - np.asarray(v)), 2 * np.pi * (0.5 - np.asarray(u)) + math.radians(rotate_deg)
     return np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)], axis=-1)
 
 
 class SkySamples:
-    """Directions drawn in proportion to radiance times solid angle.
+    """Directions drawn in proportion to radiance times solid angle, theory.md 10.4.
 
     A low-discrepancy sequence (R2 [Roberts2018]) mapped through the marginal and conditional distributions of the map,
     with a tenth of the samples' density uniform, so that dim parts are not left to chance.
+
+    Parameters
+    ----------
+    radiance : ndarray of shape (h, w, 3)
+        Equirectangular map, row 0 at the top.
+    rotate_deg : float
+        Turns the map about +y, +z towards +x.
     """
 
     def __init__(self, radiance: Image, rotate_deg: float = 0.0) -> None:
@@ -46,7 +60,10 @@ class SkySamples:
         self._conditional /= self._conditional[:, -1:]
 
     def draw(self, count: int, offset: float = 0.0) -> tuple[Image, Image]:
-        """`count` directions (n, 3), and what each stands for (n, 3); `offset` of 0 to 1 shifts the sequence."""
+        """Unit directions (count, 3), and the flux each stands for (count, 3): radiance over density.
+
+        `offset`, from 0 to 1, shifts the sequence.
+        """
         height, width = self._density.shape
         plastic = 1.32471795724474602596
         step = np.arange(count) + 0.5
@@ -69,7 +86,14 @@ class SkySamples:
 
 
 def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Float:
-    """Unshadowed irradiance of each of the unit normals (n, 3), shape (n, 3): the sky times the clamped cosine."""
+    """Unshadowed irradiance of unit normals, shape (n, 3): the integral of the sky times the clamped cosine.
+
+    Parameters
+    ----------
+    radiance : ndarray of shape (h, w, 3)
+    rotate_deg : float
+    normal : ndarray of shape (n, 3)
+    """
     height, width = min(SKY[0], radiance.shape[0]), min(SKY[1], radiance.shape[1])
     fine = -(-SKY[0] // height), -(-SKY[1] // width)
     edges = np.cos(np.pi * np.arange(radiance.shape[0] + 1) / radiance.shape[0])
@@ -87,7 +111,7 @@ def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Floa
 
 
 def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
-    """`cosine_irradiance` of every normal, octahedral map of shape (NORMALS + 1, NORMALS + 1, 3)."""
+    """Unshadowed irradiance of every normal as an octahedral map, shape (NORMALS + 1, NORMALS + 1, 3)."""
     axis = np.linspace(-1, 1, NORMALS + 1)
     x, y = np.meshgrid(axis, axis)
     z = 1 - np.abs(x) - np.abs(y)
@@ -100,7 +124,18 @@ def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
 
 @njit(cache=True, parallel=True)
 def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float:
-    """Sum of flux times clamped cosine, scaled so that constant radiance gives exactly pi."""
+    """Sum of flux times clamped cosine, (n, 3), scaled so that constant radiance gives exactly pi.
+
+    Parameters
+    ----------
+    normal : ndarray of shape (n, 3)
+    towards : ndarray of shape (m, 3)
+        Unit directions of the sky's texels.
+    flux : ndarray of shape (m, 3)
+        Radiance times solid angle.
+    solid : ndarray of shape (m,)
+        Solid angle, sr.
+    """
     out = np.zeros((len(normal), 3))
     for i in prange(len(normal)):
         total = 0.0
@@ -117,7 +152,18 @@ def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float
 
 @njit(cache=True, parallel=True)
 def look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
-    """Irradiance at texels from `irradiance_table`, by their unit normals; written to `out` (H, W, 3)."""
+    """Irradiance at texels by their normals, read bilinearly from `irradiance_table`.
+
+    Parameters
+    ----------
+    table : ndarray of shape (NORMALS + 1, NORMALS + 1, 3)
+    normal : ndarray of shape (H, W, 3)
+        Unit.
+    addressed : ndarray of shape (H, W)
+        Texels to write.
+    out : ndarray of shape (H, W, 3)
+        Written.
+    """
     size = table.shape[0] - 1
     for row in prange(addressed.shape[0]):
         for col in range(addressed.shape[1]):
@@ -128,6 +174,7 @@ def look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Imag
                 np.float64(normal[row, col, 1]),
                 np.float64(normal[row, col, 2]),
             )
+            # Place of the normal in the octahedral map, then four nodes around it
             scale = abs(nx) + abs(ny) + abs(nz)
             if scale == 0.0:
                 continue

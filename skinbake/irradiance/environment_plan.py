@@ -1,4 +1,4 @@
-"""How an environment is computed, decided by measuring: harmonics or a table, and how many directions for its shadows.
+"""Plan of a sky, decided by measuring: harmonics or a table, and how many directions for its shadows.
 
 A tolerance is spent as a sum of squares: the harmonics' cut, the directions' noise and the interpolation between traced
 texels may take `HARMONICS_SHARE`, `SAMPLING_SHARE` and about a third of it.
@@ -28,19 +28,19 @@ VARIATION = 10.0  # tolerances by which the visible share may differ between tex
 WIDEST_VARIATION = 0.2
 MOST, FEWEST = 4096, 16  # directions
 POINTS = 16384  # of the skin: a dark place that fills one in this many of them costs 0.8 % rms
-POINTS_EACH = 32  # every how manieth of them measures the directions' noise
+POINTS_EACH = 32  # of them, one in so many measures the noise of the directions
 NORMALS = 512  # all around, at which the harmonics are compared
 
 
 @dataclass(frozen=True)
 class EnvironmentPlan:
-    """What was decided for one light.
+    """Decisions on one sky.
 
     Attributes
     ----------
     sky : SkySamples
     offset : float
-        Of its sequence.
+        Shift of its sequence, 0 ... 1.
     samples : int
         Directions traced from each texel; 0 where shadows are left out.
     variation : float
@@ -48,7 +48,7 @@ class EnvironmentPlan:
     matrix : ndarray of shape (3, 4, 4)
         Harmonics; of size 0 where the table is used.
     table : ndarray of shape (n, n, 3)
-        Of size 0 where harmonics are used.
+        Irradiance of all normals; of size 0 where harmonics are used.
     lines : tuple of Decision
     """
 
@@ -75,16 +75,27 @@ def plan_environment(
     tolerance: float,
     seed: int,
 ) -> EnvironmentPlan:
-    """Measure and decide.
+    """Decide how a sky is computed, by what each choice is measured to cost in accuracy.
 
     Parameters
     ----------
+    light : EnvironmentLight
     radiance : ndarray of shape (h, w, 3), optional
-        Of a light with a path.
+        Map of a light with a path.
+    mesh : SkinMesh
+    occluder : Occluder
     size : (width, height)
-        Of the texture.
+        Size of the texture.
     shadows : bool
         For a light that does not say. One that asks for shadows, or for `samples`, gets them.
+    tolerance : float
+        Rms error of the light that may be made.
+    seed : int
+
+    Raises
+    ------
+    ValueError
+        If a light with a path comes without its map.
     """
     if light.radiance is not None:
         radiance = np.full((8, 16, 3), light.radiance, np.float32)
@@ -110,7 +121,7 @@ def plan_environment(
 
 
 def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: float) -> tuple[Float, Image, Decision]:
-    """Matrix and table, one of them of size 0, and why."""
+    """Matrix of the harmonics or table of all normals, the other of size 0, and the decision's line."""
     matrix = harmonic_matrix(radiance, light.rotate_deg)
     normal = _all_around(NORMALS)
     exact = cosine_irradiance(radiance, light.rotate_deg, normal)
@@ -134,7 +145,8 @@ def _fewest_samples(
     limit: float,
     must: bool,
 ) -> tuple[int, str]:
-    """How many directions keep the rms error of the light within `limit`, none if shadows matter less than that.
+    """Number of directions that keeps the rms error of the light within `limit`, 0 if shadows matter less, and the
+    reason.
 
     The noise of n directions is found from their distance to 4 n others, whose own noise is taken as 1 / sqrt(8) of it:
     between that of random directions, a half, and that of a low-discrepancy sequence, a quarter.
@@ -147,6 +159,9 @@ def _fewest_samples(
     origin, normal, base = (np.ascontiguousarray(values[::POINTS_EACH]) for values in (origin, normal, base))
 
     def more(shift: float, before: int, count: int) -> Float:
+        """Sums over the directions `before` ... `count` of a longer sequence, each weighted as one of its first
+        `count`.
+        """
         directions, weights = sky.draw(count, shift)
         return open_sums(origin, normal, directions[before:], count * weights[before:], occluder)
 
@@ -166,6 +181,7 @@ def _fewest_samples(
 
 
 def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[np.bool_]) -> Image:
+    """Irradiance (H, W, 3) by the matrix if there is one, else by the table."""
     out = np.zeros((*addressed.shape, 3), np.float32)
     if matrix.size:
         light_by_harmonics(matrix, normal, addressed, out)

@@ -1,4 +1,4 @@
-"""Which share of an environment's light reaches points of the skin: the same directions asked from every point."""
+"""Open share of an environment's light at points of the skin: the same directions, asked from every point."""
 
 from __future__ import annotations
 
@@ -23,12 +23,18 @@ def open_shares(
     occluder: Occluder | None,
     oil: tuple[Image, Image, Float, float] | None = None,
 ) -> Image:
-    """Share of each channel that arrives and passes the oil, and of the mean of the channels that arrives, (n, 4)."""
+    """Share of R, G, B that arrives and passes the oil, and share of their sum that arrives, (n, 4).
+
+    Parameters
+    ----------
+    origin, normal, directions, weights, occluder, oil
+        As `open_sums`.
+    """
     return shares_of(open_sums(origin, normal, directions, weights, occluder, oil))
 
 
 def shares_of(sums: Float) -> Image:
-    """What arrives over what is sent, of `open_sums`."""
+    """Arriving over sent light, (n, 4), of `open_sums`; 0 where nothing is sent."""
     return safe_div(sums[:, 1], sums[:, 0]).astype(np.float32)
 
 
@@ -40,16 +46,17 @@ def open_sums(
     occluder: Occluder | None,
     oil: tuple[Image, Image, Float, float] | None = None,
 ) -> Float:
-    """What directions send to points by the cosine, and what of it arrives, both R, G, B and their sum: (n, 2, 4).
+    """Light that directions send to points by the cosine, and the part that arrives; each R, G, B and their sum, (n,
+    2, 4).
 
-    What passes the oil is counted in R, G, B of what arrives, not in their sum.
+    The oil is taken off R, G, B of what arrives, not off their sum.
 
     Parameters
     ----------
     origin, normal : ndarrays of shape (n, 3)
-        Where rays start, and the smooth normals.
+        Where rays start, mm about the occluder's centre, and the smooth normals.
     directions, weights : ndarrays of shape (s, 3)
-        Of `SkySamples.draw`.
+        As `SkySamples.draw` gives them.
     occluder : Occluder, optional
         None: nothing is in the way.
     oil : roughness (n,), strength (n,), table and f0, optional
@@ -73,12 +80,21 @@ def open_sums(
 
 @njit(cache=True, inline="always")
 def _cosine(normal: Image, i: int, directions: Image, s: int) -> float:
+    """Cosine between normal i (n, 3) and direction s of `directions` (3, s)."""
     return normal[i, 0] * directions[0, s] + normal[i, 1] * directions[1, s] + normal[i, 2] * directions[2, s]
 
 
 @njit(cache=True, nogil=True)
 def _aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: Image) -> int:
-    """Rays from each point to the directions above its horizon, point after point; how many there are."""
+    """Rays from each point to the directions above its horizon, point after point; the number of rays.
+
+    Parameters
+    ----------
+    origin, normal : ndarrays of shape (n, 3)
+    directions : ndarray of shape (3, s)
+    starts, rays : ndarrays of shape (at least n s, 3)
+        Written: origins and directions.
+    """
     count = 0
     for i in range(len(origin)):
         for s in range(directions.shape[1]):
@@ -102,7 +118,20 @@ def _sum(
     f0: float,
     out: Float,
 ) -> None:
-    """As `open_sums`, from the answers to `_aim`'s rays."""
+    """Sums of `open_sums` for some points, from the answers to `_aim`'s rays.
+
+    Parameters
+    ----------
+    clear : ndarray of shape (rays,)
+        Whether each ray leaves the skin unhindered.
+    normal : ndarray of shape (n, 3)
+    directions, weights : ndarrays of shape (3, s)
+    roughness, strength : ndarrays of shape (n,)
+    table, f0 : ndarray and float
+        Albedo of the oil layer, size 0 for none, and its reflectance at normal incidence.
+    out : ndarray of shape (n, 2, 4)
+        Written.
+    """
     ray = 0
     for i in range(len(normal)):
         r, g, b, passed_r, passed_g, passed_b, passed = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

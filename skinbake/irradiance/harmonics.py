@@ -1,7 +1,8 @@
-"""Unshadowed irradiance of every normal by spherical harmonics up to order 2: nine numbers a channel [Ramamoorthi2001].
+"""Unshadowed irradiance of every normal by spherical harmonics up to order 2, theory.md 10.3 [Ramamoorthi2001].
 
 The clamped cosine's Legendre series up to order 2 is k(c) = 3/32 + c/2 + 15/32 c^2. Summed over the sky it is a
-quadratic form of the normal, E(n) = (n, 1)^T M (n, 1), whose matrix holds the sky's moments of order 0, 1 and 2.
+quadratic form of the normal, E(n) = (n, 1)^T M (n, 1), whose matrix holds the sky's moments of order 0, 1 and 2:
+nine numbers a channel.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ Image = NDArray[np.float32]
 
 
 def harmonic_matrix(radiance: Image, rotate_deg: float = 0.0) -> Float:
-    """M of each channel, shape (3, 4, 4), from moments integrated exactly over each texel of the map (h, w, 3)."""
+    """Matrix M of each channel, shape (3, 4, 4), from moments integrated exactly over each texel of the map (h, w,
+    3).
+    """
     height, width = radiance.shape[:2]
     polar = np.pi * np.arange(height + 1) / height
     y, s = np.cos(polar), np.sin(polar)
@@ -45,9 +48,17 @@ def harmonic_matrix(radiance: Image, rotate_deg: float = 0.0) -> Float:
 
 @njit(cache=True, parallel=True)
 def light_by_harmonics(matrix: Float, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
-    """Irradiance at texels by their unit normals (H, W, 3), written to `out` (H, W, 3). Never below 0.
+    """Irradiance at texels by their normals, theory.md 10.3; 0 where the series rings below 0.
 
-    Where the series rings below 0 around a small bright light, there is none.
+    Parameters
+    ----------
+    matrix : ndarray of shape (3, 4, 4)
+    normal : ndarray of shape (H, W, 3)
+        Unit.
+    addressed : ndarray of shape (H, W)
+        Texels to write.
+    out : ndarray of shape (H, W, 3)
+        Written.
     """
     for row in prange(addressed.shape[0]):
         for col in range(addressed.shape[1]):

@@ -40,5 +40,5 @@ class IrradianceMap:
 
     @property
     def total(self) -> NDArray[np.float32]:
-        """Sum over lights, (H, W, 3)."""
+        """Sum over the lights, (H, W, 3), float32."""
         return self.rgb.sum(axis=0, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""From an atlas and lights to irradiance."""
+"""Irradiance of an atlas's texels under a look's lights."""
 
 from __future__ import annotations
 
@@ -49,8 +49,11 @@ def light_texels(
 
     Parameters
     ----------
+    atlas : Atlas
+    mesh : SkinMesh
     maps : SkinMaps
         Normal, roughness and specular maps; the albedo is not used: irradiance is light, not colour.
+    lights : sequence of LightSpec
     shadows : bool
         For lights that do not say.
     specular : SpecularSpec
@@ -60,14 +63,14 @@ def light_texels(
     environments : mapping of light name to ndarray of shape (h, w, 3)
         Radiance maps of the environment lights that have a path.
     seed : int
-        Of the samples of area and environment lights.
+        For the samples of area and environment lights.
     tolerance : float
         Rms error of an environment's light, by which its plan is made.
     occluder : Occluder, optional
-        Of the mesh, where somebody has one already.
+        The mesh's, where somebody has one already.
     rounded : callable
-        Makes of a light's (H, W, 4), irradiance and unshadowed share, what is kept of it, before the next is computed
-        in its place: with halves, the floats of one light only are in memory.
+        Takes a light's (H, W, 4), irradiance and unshadowed share, and gives what is to be kept of it before the next
+        is computed in its place: with halves, only one light's floats are in memory.
     """
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
@@ -117,7 +120,7 @@ def _light_one(
     f0: float,
     out: Image,
 ) -> None:
-    """One light of one direction, irradiance and unshadowed share, written to `out` (H, W, 4)."""
+    """Irradiance and unshadowed share of a directional, point or spot light, written to `out` (H, W, 4)."""
     source = emitter(light, occluder.centre_mm)
     arriving, facing = np.empty(out.shape[:2], np.float32), np.empty(out.shape[:2], np.bool_)
     unshadowed(
@@ -140,6 +143,15 @@ def _light_one(
 
 @njit(cache=True, parallel=True)
 def _colour(arriving: Image, seen: Image, light_rgb: Float, out: Image) -> None:
+    """Irradiance (R, G, B) and unshadowed share, written to `out` (H, W, 4).
+
+    Parameters
+    ----------
+    arriving, seen : ndarrays of shape (H, W)
+        Irradiance of a unit light, and the unshadowed share.
+    light_rgb : ndarray of shape (3,)
+    out : ndarray of shape (H, W, 4)
+    """
     for row in prange(arriving.shape[0]):
         for col in range(arriving.shape[1]):
             value = np.float64(arriving[row, col]) * np.float64(seen[row, col])

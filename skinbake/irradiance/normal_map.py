@@ -1,4 +1,4 @@
-"""Shading normals with a normal map."""
+"""Shading normals, with and without a normal map."""
 
 from __future__ import annotations
 
@@ -18,7 +18,14 @@ Image = NDArray[np.float32]
 
 
 def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tuple[Image, Image]:
-    """Unit normals without and with the normal map, (H, W, 3); the same array where the tile has none."""
+    """Unit normals without and with the normal map, each (H, W, 3); the same array where the tile has none.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    mesh : SkinMesh
+    maps : SkinMaps
+    """
     smooth = np.zeros((*raster.shape, 3), np.float32)
     _interpolate_unit(raster.face_index, raster.barycentric, mesh.corner_normal, smooth)
     if raster.tile not in maps.normal or (maps.normal_strength == 0 and maps.normal_space == "tangent"):
@@ -45,7 +52,7 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
 
 
 def corner_tangents(mesh: SkinMesh) -> Float:
-    """Direction of growing u at each corner, orthogonal to its normal, unit, shape (F, 3, 3).
+    """Unit tangent at each corner, shape (F, 3, 3): the direction of growing u, orthogonal to the normal.
 
     The faces' own Jacobians, averaged by corner angle over the faces that share the vertex and its UV, so that a normal
     map does not show the triangles; seams and mirrored charts stay apart.
@@ -71,6 +78,15 @@ def corner_tangents(mesh: SkinMesh) -> Float:
 
 @njit(cache=True, parallel=True)
 def _interpolate_unit(face_index: NDArray[np.int32], barycentric: Image, corner: Float, out: Image) -> None:
+    """Corner vectors interpolated to the texels and scaled to length 1.
+
+    Parameters
+    ----------
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    corner : ndarray of shape (F, 3, 3)
+    out : ndarray of shape (H, W, 3)
+        Written where the atlas is not empty.
+    """
     for row in prange(face_index.shape[0]):
         for col in range(face_index.shape[1]):
             f = face_index[row, col]
@@ -94,6 +110,25 @@ def _tilt(
     strength: float,
     out: Image,
 ) -> None:
+    """Smooth normals tilted by a tangent-space normal map.
+
+    Parameters
+    ----------
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    smooth : ndarray of shape (H, W, 3)
+        Unit normals.
+    corner_tangent : ndarray of shape (F, 3, 3)
+    handedness : ndarray of shape (F,)
+        -1 where the chart is mirrored, else 1.
+    corner_uv : ndarray of shape (F, 3, 2)
+        Within the tile, 0 ... 1.
+    image : ndarray of shape (h, w, 3)
+        x, y, z in -1 ... 1.
+    strength : float
+        Scales x and y.
+    out : ndarray of shape (H, W, 3)
+        Written where the atlas is not empty.
+    """
     for row in prange(face_index.shape[0]):
         for col in range(face_index.shape[1]):
             f = face_index[row, col]

@@ -1,4 +1,4 @@
-"""Shadow rays: is anything of the mesh in the way?"""
+"""Shadow rays: they tell whether the mesh is in the way of the light."""
 
 from __future__ import annotations
 
@@ -48,10 +48,18 @@ class Occluder:
         self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
 
     def occluded(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Whether each ray meets the mesh nearer than `reach` (in lengths of `direction`).
+        """Whether each ray meets the mesh, shape (n,).
 
-        `direction` may be of shape (1, 3), the same for all rays.
         Each ray is a question of its own: batches and threads cannot change an answer.
+
+        Parameters
+        ----------
+        origin : ndarray of shape (n, 3), float32
+            Mm, about `centre_mm`.
+        direction : ndarray of shape (n, 3) or (1, 3), float32
+            One row serves all rays.
+        reach : ndarray of shape (n,), float32
+            Distance up to which hits count, in lengths of `direction`.
         """
         answer = np.empty(len(origin), dtype=np.bool_)
 
@@ -66,7 +74,11 @@ class Occluder:
     def first_hit(
         self, origin: Vectors, direction: Vectors
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """Triangle of the smooth surface (-1: none), barycentrics 1 and 2 in it, and distance of the first hit."""
+        """Triangle of the smooth surface that each ray meets first, barycentrics 1 and 2 in it, and distance; each
+        (n,).
+
+        The triangle is -1 where there is none.
+        """
         triangle = np.empty(len(origin), dtype=np.int32)
         b1, b2, distance = (np.zeros(len(origin), dtype=np.float32) for _ in range(3))
 
@@ -80,9 +92,16 @@ class Occluder:
 
 
 def spread(work: Callable[[slice], None], count: int, step: int) -> None:
-    """Have `work` done on 0 ... count in parts of `step`, on as many threads as numba has.
+    """Do `work` on the numbers 0 ... count in parts, on as many threads as numba has.
 
     Embree and kernels compiled with `nogil` run without the interpreter's lock, so that plain threads can share them.
+
+    Parameters
+    ----------
+    work : callable
+        Takes the slice of its part.
+    count, step : int
+        Numbers in all, and in a part.
     """
     parts = [slice(start, min(start + step, count)) for start in range(0, count, step)]
     threads = min(numba.get_num_threads(), len(parts))

@@ -1,4 +1,4 @@
-"""Albedo A(c, m) of the oil layer, and the share of light that passes it."""
+"""Albedo A(c, m) of the oil layer, and the share of light that passes it; theory.md 6.4, 6.5."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TAIL = 6.5  # exp(-6.5^2) = 4e-19
 
 
 def integrate_specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, nodes: int = 32) -> Float:
-    """A(c, m) of theory.md 6.5 for rho_s = 1, split by Fresnel.
+    """Albedo A(c, m) of theory.md 6.5 for rho_s = 1, split by Fresnel.
 
     Schlick's F = f0 (1 - q) + q with q = (1 - V.H)^5 is linear in f0, so two numbers serve every f0:
     A = f0 * result[..., 0] + result[..., 1], and A for F = 1 is their sum.
@@ -28,7 +28,7 @@ def integrate_specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, nodes:
     ----------
     cos_theta, roughness : array_like of shape (...)
     nodes : int
-        Of Gauss-Legendre quadrature, in slope and in azimuth each.
+        Nodes of Gauss-Legendre quadrature, in slope and in azimuth each.
 
     Returns
     -------
@@ -51,6 +51,16 @@ def integrate_specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, nodes:
 
 @numba.njit(cache=True)
 def _integrate_each(cos_theta: Float, roughness: Float, slope_rule: Float, azimuth_rule: Float, out: Float) -> None:
+    """A split by Fresnel, for each pair of cosine and roughness; theory.md 6.5.
+
+    Parameters
+    ----------
+    cos_theta, roughness : ndarrays of shape (n,)
+    slope_rule, azimuth_rule : ndarrays of shape (2, nodes)
+        Places in 0 ... 1, and weights.
+    out : ndarray of shape (n, 2)
+        Written.
+    """
     for i in range(len(cos_theta)):
         c, m = min(max(cos_theta[i], 1e-6), 1.0), max(roughness[i], ROUGHNESS_MIN)
         # In slope = tan(alpha)/m: below the first bound every azimuth of H sends light up, above the second none does
@@ -66,6 +76,17 @@ def _integrate_each(cos_theta: Float, roughness: Float, slope_rule: Float, azimu
 def _slope_integral(
     c: float, m: float, start: float, stop: float, slope_rule: Float, azimuth_rule: Float
 ) -> tuple[float, float]:
+    """The part of theory.md 6.5 between two slopes, without and with Schlick's (1 - V.H)^5.
+
+    Parameters
+    ----------
+    c, m : float
+        Cosine N.V or N.L, and Beckmann's roughness.
+    start, stop : float
+        Bounds of slope = tan(alpha) / m.
+    slope_rule, azimuth_rule : ndarrays of shape (2, nodes)
+        Places in 0 ... 1, and weights.
+    """
     total, schlick_total = 0.0, 0.0
     sin_view = np.sqrt(1 - c * c)
     for j in range(slope_rule.shape[1]):
@@ -80,6 +101,7 @@ def _slope_integral(
         else:
             limit = np.arccos(min(max((c / (2 * cos_a) - c * cos_a) / side, -1.0), 1.0))
         for k in range(azimuth_rule.shape[1]):
+            # V.H, N.L and F by the half vector, theory.md 6.5
             v_dot_h = side * np.cos(limit * azimuth_rule[0, k]) + c * cos_a
             azimuth = 2 * limit * azimuth_rule[1, k] * max(2 * v_dot_h * cos_a - c, 0.0) / (v_dot_h * cos_a)
             schlick = min(max(1 - v_dot_h, 0.0), 1.0) ** 5
@@ -90,7 +112,7 @@ def _slope_integral(
 
 @lru_cache(maxsize=1)
 def specular_albedo_table() -> Float:
-    """A split as in `integrate_specular_albedo`, shape (*TABLE_SIZE, 2), read-only.
+    """Table of `integrate_specular_albedo`, shape (*TABLE_SIZE, 2), read-only.
 
     Node (i, j) is c = (i / (C - 1))^2, m = (j / (M - 1))^2: both are squared for A bends most near 0. Read bilinearly.
     A spline through fewer integrals fills it, which costs a tenth of integrating each node.
@@ -105,7 +127,17 @@ def specular_albedo_table() -> Float:
 
 @numba.njit(cache=True)
 def albedo_at(table: Float, cos_theta: float, roughness: float, f0: float) -> float:
-    """Bilinear reading of `specular_albedo_table()`, for use inside numba kernels."""
+    """Albedo A(c, m) for rho_s = 1, read bilinearly from the table; for use inside numba kernels.
+
+    Parameters
+    ----------
+    table : ndarray of shape (C, M, 2)
+        As `specular_albedo_table`.
+    cos_theta, roughness : float
+        Clamped to 0 ... 1.
+    f0 : float
+        Reflectance at normal incidence.
+    """
     x = np.sqrt(min(max(cos_theta, 0.0), 1.0)) * (table.shape[0] - 1)
     y = np.sqrt(min(max(roughness, 0.0), 1.0)) * (table.shape[1] - 1)
     i = min(int(x), table.shape[0] - 2)
@@ -121,6 +153,14 @@ def albedo_at(table: Float, cos_theta: float, roughness: float, f0: float) -> fl
 
 @numba.njit(cache=True)
 def _albedo_each(table: Float, cos_theta: Float, roughness: Float, f0: float) -> Float:
+    """Albedo A(c, m) for each pair of cosine and roughness, shape (n,).
+
+    Parameters
+    ----------
+    table : ndarray of shape (C, M, 2)
+    cos_theta, roughness : ndarrays of shape (n,)
+    f0 : float
+    """
     out = np.empty(cos_theta.size)
     for k in range(cos_theta.size):
         out[k] = albedo_at(table, cos_theta[k], roughness[k], f0)
@@ -136,6 +176,7 @@ def specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 
         N.V or N.L; clamped to 0 ... 1.
     roughness : array_like, a scalar or of the shape of `cos_theta`
     f0 : float
+        Reflectance at normal incidence.
 
     Returns
     -------
@@ -151,16 +192,25 @@ def specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 
 def transmitted_share(
     cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 36, strength: ArrayLike = ENERGY_TRUE_STRENGTH
 ) -> Float:
-    """rho_dt = 1 - rho_s A(c, m), the share of light that passes the oil, clamped to 0 ... 1 (theory.md 6.4).
+    """Share rho_dt = 1 - rho_s A(c, m) of the light that passes the oil, clamped to 0 ... 1; theory.md 6.4.
 
     Only for `strength` above `ENERGY_TRUE_STRENGTH` can the clamp bite: near grazing the layer then reflects more than
     it gets.
+
+    Parameters
+    ----------
+    cos_theta : array_like of shape (...)
+    roughness : array_like, a scalar or of the shape of `cos_theta`
+    f0 : float
+        Reflectance at normal incidence.
+    strength : array_like
+        rho_s.
     """
     return np.clip(1 - np.asarray(strength, np.float64) * specular_albedo(cos_theta, roughness, f0), 0.0, 1.0)
 
 
 def mean_specular_albedo(roughness: ArrayLike, f0: float = 1 / 36) -> Float:
-    """2 * integral of A(c, m) c dc over 0 ... 1: the layer's albedo in a constant environment, for rho_s = 1."""
+    """Albedo of the layer in a constant environment for rho_s = 1, 2 int A(c, m) c dc over 0 ... 1; theory.md 6.4."""
     x, weight = np.polynomial.legendre.leggauss(48)
     c = sqr((x + 1) / 2)  # dc = 2 sqrt(c) dx
     albedo = specular_albedo(c, np.asarray(roughness, np.float64)[..., None], f0)

@@ -17,12 +17,12 @@ HALF_SQUARED_MIN = 1e-6  # h.h reaches 0 only for L = -V, both grazing (theory.m
 
 
 def beckmann(n_dot_h: ArrayLike, roughness: ArrayLike) -> Float:
-    """P_H of theory.md 6.2, without 1/pi: its integral against N.H over the hemisphere is pi.
+    """Beckmann's P_H of theory.md 6.2, without 1/pi: its integral against N.H over the hemisphere is pi.
 
     Parameters
     ----------
     n_dot_h : array_like
-        0 where not above 0.
+        Where it is not above 0, so is P_H.
     roughness : array_like
         Beckmann m; raised to `ROUGHNESS_MIN`.
     """
@@ -40,7 +40,7 @@ def _beckmann_of_sine(sine_squared: Float, n_dot_h: Float, roughness: ArrayLike)
 
 
 def fresnel_schlick(v_dot_h: ArrayLike, f0: ArrayLike) -> Float:
-    """F of theory.md 6.3; 1 - V.H is clamped, for V.H may pass 1 by an ulp [Schlick1994]."""
+    """Fresnel reflectance F of theory.md 6.3; 1 - V.H is clamped, for V.H may pass 1 by an ulp [Schlick1994]."""
     f0 = np.asarray(f0, dtype=np.float64)
     return f0 + (1 - f0) * np.clip(1 - np.asarray(v_dot_h, dtype=np.float64), 0.0, 1.0) ** 5
 

@@ -22,9 +22,14 @@ NEAREST_MM = 1e-3  # a point light in the skin itself would be infinitely bright
 
 
 def emitter(light: LightSpec, centre_mm: Float) -> Float:
-    """The light as ten numbers for the kernels: kind, direction to it or position, axis, cosines of the cone.
+    """A light as ten numbers for the kernels: kind, direction to it or position, axis, cosines of the cone.
 
     Positions are relative to `centre_mm`.
+
+    Raises
+    ------
+    TypeError
+        If the light is not directional, point or spot.
     """
     if isinstance(light, DirectionalLight):
         return np.array([DIRECTIONAL, *(-normalized(light.direction)), 0, 0, 0, -2, -3, 0], dtype=np.float64)
@@ -37,13 +42,23 @@ def emitter(light: LightSpec, centre_mm: Float) -> Float:
 
 
 def colour(light: Any) -> Float:
-    """RGB that the unit response of the kernels is multiplied by."""
+    """RGB by which the kernels' unit response is multiplied: irradiance of a directional light, intensity of others."""
     return np.asarray(light.irradiance if isinstance(light, DirectionalLight) else light.intensity, dtype=np.float64)
 
 
 @njit(cache=True, inline="always")
 def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, float, float, float, float]:
-    """Unit direction to the light, distance (inf for a directional one), and cone times 1 / distance^2."""
+    """Unit direction to the light, distance in mm (inf for a directional one), and cone times 1 / distance^2.
+
+    Theory.md 10.1.
+
+    Parameters
+    ----------
+    source : ndarray of shape (10,)
+        As `emitter` makes it.
+    px, py, pz : float
+        Point of the skin, mm, about the occluder's centre.
+    """
     if source[0] == DIRECTIONAL:
         return source[1], source[2], source[3], np.inf, 1.0
     dx, dy, dz = source[1] - px, source[2] - py, source[3] - pz
@@ -57,10 +72,9 @@ def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, floa
 
 @njit(cache=True, inline="always")
 def bump_terminator(cos_mapped: float, cos_smooth: float) -> float:
-    """Factor that takes light off mapped normals which face a light that the skin under them almost turns away from.
+    """Factor min(1, BUMP_GAIN cos_smooth / cos_mapped) for a bump that faces a light the skin under it turns away from.
 
-    A bump gets at most `BUMP_GAIN` times what the smooth surface under it gets, so that bumps fade out at its
-    terminator instead of being cut off there; all others keep their cosine.
+    So bumps fade out at the terminator of the smooth surface instead of being cut off there; theory.md 10.1.
     """
     if cos_smooth <= 0.0:
         return 0.0
@@ -82,13 +96,24 @@ def unshadowed(
     arriving: Image,
     facing: NDArray[np.bool_],
 ) -> None:
-    """Irradiance of a unit light without shadows, and which texels face it.
+    """Irradiance of a unit light without shadows, and the texels that face it; theory.md 10.1.
 
     Parameters
     ----------
+    source : ndarray of shape (10,)
+        As `emitter` makes it.
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    subdivided : SubdividedMesh
+    normal, smooth : ndarrays of shape (H, W, 3)
+        Unit normals with and without the normal map.
+    roughness, strength : ndarrays of shape (H, W) or (1, 1)
+        Beckmann m, and rho_s.
     table : ndarray
-        Of the oil's albedo; of size 0 where the oil takes nothing off.
-    arriving, facing : ndarrays of shape (H, W), written
+        Albedo of the oil layer; of size 0 where the oil takes nothing off.
+    f0 : float
+        Reflectance of the oil at normal incidence.
+    arriving, facing : ndarrays of shape (H, W)
+        Written.
     """
     height, width = face_index.shape
     rows, cols = roughness.shape[0] > 1, strength.shape[0] > 1
@@ -107,6 +132,7 @@ def unshadowed(
             lx, ly, lz, _, reach = towards(source, px, py, pz)
             nx, ny, nz = normal[row, col, 0], normal[row, col, 1], normal[row, col, 2]
             sx, sy, sz = smooth[row, col, 0], smooth[row, col, 1], smooth[row, col, 2]
+            # Cosines at the bump and at the skin under it
             cos_mapped = nx * lx + ny * ly + nz * lz
             cos_smooth = sx * lx + sy * ly + sz * lz
             facing[row, col] = reach > 0.0 and cos_smooth > 0.0
@@ -114,6 +140,7 @@ def unshadowed(
                 continue
             value = min(cos_mapped, 1.0) * reach * bump_terminator(cos_mapped, cos_smooth)
             if table.size > 0:
+                # What the oil layer lets through, theory.md 7.1
                 m = roughness[row, col] if rows else roughness[0, 0]
                 rho = strength[row, col] if cols else strength[0, 0]
                 value *= min(max(1.0 - rho * albedo_at(table, cos_mapped, m, f0), 0.0), 1.0)
@@ -122,7 +149,17 @@ def unshadowed(
 
 @njit(cache=True, parallel=True)
 def aim(source: Float, origin: Image, direction: Image, reach: NDArray[np.float32]) -> None:
-    """Directions from origins (n, 3) to the light, and how far it is; both written."""
+    """Directions from origins to the light, and its distance.
+
+    Parameters
+    ----------
+    source : ndarray of shape (10,)
+        As `emitter` makes it.
+    origin : ndarray of shape (n, 3)
+        Mm, about the occluder's centre.
+    direction, reach : ndarrays of shape (n, 3) and (n,)
+        Written: unit vectors, mm.
+    """
     for i in prange(len(origin)):
         lx, ly, lz, distance, _ = towards(
             source, np.float64(origin[i, 0]), np.float64(origin[i, 1]), np.float64(origin[i, 2])

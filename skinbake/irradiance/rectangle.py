@@ -33,11 +33,24 @@ def light_rectangle(
     f0: float,
     seed: int,
 ) -> tuple[Image, Image]:
-    """Irradiance of a unit radiance (H, W) and unshadowed share (H, W).
+    """Irradiance of a unit radiance (H, W), without the shadows, and unshadowed share (H, W).
 
-    Unshadowed light is exact (the contour integral of the rectangle above the horizon [Lambert1760, Baum1989]); rays
-    through a jittered grid on the rectangle find the share that arrives. Full light and full shadow are found on a
-    coarse lattice, every texel of a penumbra has its own rays.
+    Unshadowed light is exact (theory.md 10.2 [Lambert1760, Baum1989]); rays through a jittered grid on the rectangle
+    find the share that arrives. Full light and full shadow are found on a coarse lattice, every texel of a penumbra has
+    its own rays.
+
+    Parameters
+    ----------
+    surface : TexelSurface
+    occluder : Occluder
+    light : RectangleLight
+    casts : bool
+        Whether anything shadows it.
+    table : ndarray
+        Albedo of the oil layer; of size 0 where the oil takes nothing off.
+    f0 : float
+        Reflectance of the oil at normal incidence.
+    seed : int
     """
     corner = np.asarray(light.position_mm) - occluder.centre_mm
     shape = np.array([corner, light.edge_u_mm, light.edge_v_mm], dtype=np.float64)
@@ -93,6 +106,18 @@ def light_rectangle(
 
 @njit(cache=True)
 def _above_horizon(poly: Float, count: int, nx: float, ny: float, nz: float, out: Float) -> int:
+    """The part of a polygon above a plane through the origin; the number of corners left.
+
+    Parameters
+    ----------
+    poly : ndarray of shape (at least count, 3)
+    count : int
+        Corners of the polygon.
+    nx, ny, nz : float
+        Normal of the plane.
+    out : ndarray of shape (at least count + 1, 3)
+        Written.
+    """
     m = 0
     for i in range(count):
         j = (i + 1) % count
@@ -112,7 +137,19 @@ def _above_horizon(poly: Float, count: int, nx: float, ny: float, nz: float, out
 def rectangle_irradiance(
     shape: Float, px: float, py: float, pz: float, nx: float, ny: float, nz: float, poly: Float, clipped: Float
 ) -> float:
-    """Irradiance of unit radiance from a parallelogram, horizon included; `poly`, `clipped` are (8, 3) work space."""
+    """Irradiance of unit radiance from a parallelogram, cut off at the horizon; theory.md 10.2.
+
+    Parameters
+    ----------
+    shape : ndarray of shape (3, 3)
+        Centre and both edges, mm.
+    px, py, pz : float
+        Point that is lit, mm.
+    nx, ny, nz : float
+        Its unit normal.
+    poly, clipped : ndarrays of shape (8, 3)
+        Work space.
+    """
     for k in range(4):
         su = -0.5 if k in (0, 3) else 0.5
         sv = -0.5 if k in (0, 1) else 0.5
@@ -125,6 +162,7 @@ def rectangle_irradiance(
         j = (i + 1) % count
         ax, ay, az = clipped[i, 0], clipped[i, 1], clipped[i, 2]
         bx, by, bz = clipped[j, 0], clipped[j, 1], clipped[j, 2]
+        # Angle of the edge times the cosine of its plane's normal, theory.md 10.2
         gx, gy, gz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         length = np.sqrt(gx * gx + gy * gy + gz * gz)
         if length > 0.0:
@@ -144,6 +182,19 @@ def _contour(
     arriving: Image,
     facing: NDArray[np.bool_],
 ) -> None:
+    """Unshadowed irradiance at the texels, and which of them face the light.
+
+    Parameters
+    ----------
+    shape : ndarray of shape (3, 3)
+        Centre and both edges, mm.
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    subdivided : SubdividedMesh
+    normal, smooth : ndarrays of shape (H, W, 3)
+        Unit normals with and without the normal map.
+    arriving, facing : ndarrays of shape (H, W)
+        Written where the atlas is not empty and the light shines.
+    """
     height, width = face_index.shape
     out_normal = np.cross(shape[1], shape[2])
     for row in prange(height):
@@ -179,7 +230,7 @@ def _contour(
 
 @njit(cache=True)
 def _hash(x: np.uint64) -> np.uint64:
-    """SplitMix64's finaliser [Steele2014]: every texel and sample its own number, whoever asks and when."""
+    """Random 64 bits for a number [Steele2014]: every texel and sample has its own, whoever asks and when."""
     x ^= x >> np.uint64(30)
     x *= np.uint64(0xBF58476D1CE4E5B9)
     x ^= x >> np.uint64(27)
@@ -201,7 +252,32 @@ def _sample(
     table: Float,
     f0: float,
 ) -> tuple[Image, Image, Float, Float]:
-    """Rays to a jittered grid on the light; the irradiance each stands for, and the part of it that passes the oil."""
+    """Rays to a jittered grid on the light, and the irradiance that each stands for.
+
+    Parameters
+    ----------
+    shape : ndarray of shape (3, 3)
+        Centre and both edges, mm.
+    key : uint64
+        Seed.
+    grid : int
+        Rays along each edge.
+    texels : ndarray of shape (n,)
+        row * W + col.
+    origin, normal, smooth : ndarrays of shape (n, 3)
+        Where rays start, mm, and the unit normals with and without the normal map.
+    roughness, strength : ndarrays of shape (n,)
+    table, f0 : ndarray and float
+        Albedo of the oil layer, size 0 for none, and its reflectance at normal incidence.
+
+    Returns
+    -------
+    ray, reach : ndarrays of shape (n, grid^2, 3) and (n, grid^2), float32
+        Unit directions, and distances in mm.
+    sent, passed : ndarrays of shape (n, grid^2)
+        cos cos / distance^2 of each ray: its irradiance but for the area that it stands for; and the part that passes
+        the oil.
+    """
     count = grid * grid
     ray = np.zeros((len(texels), count, 3), dtype=np.float32)
     reach = np.zeros((len(texels), count), dtype=np.float32)
@@ -213,6 +289,7 @@ def _sample(
         nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
         sx, sy, sz = np.float64(smooth[i, 0]), np.float64(smooth[i, 1]), np.float64(smooth[i, 2])
         for s in range(count):
+            # Jittered place in the ray's own cell of the grid
             number = _hash(key + np.uint64(texels[i]) * np.uint64(count) + np.uint64(s))
             jitter_u = np.float64(number >> np.uint64(40)) / 16777216.0
             jitter_v = np.float64((number >> np.uint64(16)) & np.uint64(0xFFFFFF)) / 16777216.0

@@ -1,4 +1,4 @@
-"""Values that are dear to trace, found on a coarse lattice of texels and only where they vary on finer ones."""
+"""Values that are costly to trace: found on a coarse lattice of texels, and on finer ones only where they vary."""
 
 from __future__ import annotations
 
@@ -69,7 +69,22 @@ def refine(
 def _between(
     wanted: NDArray[np.bool_], normal: Image, values: Image, stride: int, tolerance: float, some: bool
 ) -> NDArray[np.bool_]:
-    """Texels of the lattice of `stride` to trace; the others are interpolated from the lattice twice as wide."""
+    """Texels of the lattice of `stride` to trace, (H, W); the others are interpolated from the lattice twice as wide.
+
+    Parameters
+    ----------
+    wanted : ndarray of shape (H, W)
+    normal : ndarray of shape (H, W, 3)
+        Unit, smooth.
+    values : ndarray of shape (H, W, channels)
+        Read on the wide lattice, written on the fine one.
+    stride : int
+        Texels between points of the fine lattice.
+    tolerance : float
+        Difference of neighbours up to which a value is interpolated.
+    some : bool
+        Whether fewer than four neighbours suffice.
+    """
     height, width = wanted.shape
     wide = 2 * stride
     channels = values.shape[2]

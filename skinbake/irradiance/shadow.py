@@ -1,4 +1,4 @@
-"""Share of a light that reaches each texel."""
+"""Unshadowed share of a light of one direction at each texel."""
 
 from __future__ import annotations
 
@@ -17,12 +17,21 @@ CHUNK = 1 << 20  # rays in memory at a time
 
 
 def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing: NDArray[np.bool_]) -> Image:
-    """Unshadowed share of a light of one direction, shape (H, W); 0 where the skin faces away.
+    """Unshadowed share of a directional, point or spot light, shape (H, W); 0 where the skin faces away.
 
     Coarse to fine: one ray in every second texel of every second row; then in the texels between, unless all of the
     first ones within two texels agree; then `EDGE_GRID`^2 rays in every texel that differs from one of its eight
     neighbours. An edge is thus resolved to a sixteenth of a texel, and only a feature narrower than two texels, with
     none of its edges seen anywhere near, can be missed.
+
+    Parameters
+    ----------
+    surface : TexelSurface
+    occluder : Occluder
+    source : ndarray of shape (10,)
+        As `emitter` makes it.
+    facing : ndarray of shape (H, W)
+        Texels that face the light.
     """
     height, width = facing.shape
     lit = np.zeros((height, width), np.float32)
@@ -50,6 +59,7 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
 
 
 def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[np.bool_]:
+    """Whether the light reaches each origin (n, 3), shape (n,)."""
     if source[0] == DIRECTIONAL:
         direction, reach = source[None, 1:4].astype(np.float32), np.full(len(origin), np.inf, np.float32)
     else:
@@ -60,7 +70,7 @@ def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[np.bool_
 
 @njit(cache=True, parallel=True)
 def _fill_between(facing: NDArray[np.bool_], lit: Image) -> NDArray[np.bool_]:
-    """Fill texels between traced ones that agree; give those where they do not."""
+    """Fill texels between traced ones that agree, in `lit` (H, W); give those where they do not, (H, W)."""
     height, width = facing.shape
     open_texels = np.zeros((height, width), dtype=np.bool_)
     for row in prange(height):
@@ -84,6 +94,7 @@ def _fill_between(facing: NDArray[np.bool_], lit: Image) -> NDArray[np.bool_]:
 
 @njit(cache=True, parallel=True)
 def _differs(lit: Image, facing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Texels whose share differs from that of one of their eight neighbours, (H, W)."""
     height, width = facing.shape
     out = np.zeros((height, width), dtype=np.bool_)
     for row in prange(height):

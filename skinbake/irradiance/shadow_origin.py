@@ -1,7 +1,8 @@
-"""Where a shadow ray starts: on the smooth surface that the vertex normals imply, not on the flat triangle.
+"""Origins of shadow rays: on the smooth surface that the vertex normals imply, not on the flat triangle.
 
-However fine, a facet lit at a grazing angle is shadowed by its neighbours. Each corner's tangent plane says how far the
-smooth surface bulges above a point of the facet; their blend is where the ray can start [Hanika2021].
+However fine, a facet lit at a grazing angle is shadowed by its neighbours. Each corner's tangent plane says how far
+the smooth surface stands above a point of the facet; their blend is where the ray can start, theory.md 10.5
+[Hanika2021].
 """
 
 from __future__ import annotations
@@ -26,11 +27,14 @@ class SubdividedMesh(NamedTuple):
     Attributes
     ----------
     levels : int
-    corner_mm, corner_normal : ndarrays of shape (F 4^levels, 3, 3), float32
-        About the occluder's centre, as rays meet them; unit.
+    corner_mm : ndarray of shape (F 4^levels, 3, 3), float32
+        Positions about the occluder's centre, as rays meet them.
+    corner_normal : ndarray of shape (F 4^levels, 3, 3), float32
+        Unit.
     facing : ndarray of shape (F 4^levels, 3), float32
         Unit normal of the flat triangle, on the side of its corners' normals.
     relief_mm : ndarray of shape (F, 3)
+        Height of the mesh's own bulges about each corner, as in SmoothSurface.
     bulge_mm : ndarray of shape (F,)
         No point of a face is further from the smooth surface.
     """
@@ -44,7 +48,7 @@ class SubdividedMesh(NamedTuple):
 
 
 def facets_of(surface: SmoothSurface, centre_mm: Float) -> SubdividedMesh:
-    """Gather the triangles of a smooth surface, about `centre_mm`."""
+    """Triangles of a smooth surface for the kernels, with positions about `centre_mm`."""
     corner = (surface.positions_mm - centre_mm)[surface.faces]
     facing, depth_mm = np.empty((len(corner), 3), np.float32), np.empty(len(corner))
     _measure(corner, surface.corner_normal, facing, depth_mm)
@@ -55,7 +59,17 @@ def facets_of(surface: SmoothSurface, centre_mm: Float) -> SubdividedMesh:
 
 @njit(cache=True)
 def _measure(corner: Float, normal: Float, facing: Image, depth: Float) -> None:
-    """Normals of triangles, and how deep each lies below the tangent planes at its corners."""
+    """Normals of triangles, and how deep each lies below the tangent planes at its corners.
+
+    Parameters
+    ----------
+    corner, normal : ndarrays of shape (n, 3, 3)
+        Positions in mm, and unit normals.
+    facing : ndarray of shape (n, 3)
+        Written: unit normals on the side of the corners' normals.
+    depth : ndarray of shape (n,)
+        Written, mm.
+    """
     for f in range(len(corner)):
         ax, ay, az = corner[f, 0, 0], corner[f, 0, 1], corner[f, 0, 2]
         bx, by, bz = corner[f, 1, 0] - ax, corner[f, 1, 1] - ay, corner[f, 1, 2] - az
@@ -77,7 +91,15 @@ def _measure(corner: Float, normal: Float, facing: Image, depth: Float) -> None:
 
 @njit(cache=True, inline="always")
 def facet_point(corners: Float | Image, f: int, b1: float, b2: float) -> tuple[float, float, float]:
-    """Point of the flat triangle."""
+    """Corner values of face f blended by barycentrics: a point of the flat triangle.
+
+    Parameters
+    ----------
+    corners : ndarray of shape (F, 3, 3)
+    f : int
+    b1, b2 : float
+        Weights of corners 1 and 2.
+    """
     b0 = 1.0 - b1 - b2
     return (
         b0 * corners[f, 0, 0] + b1 * corners[f, 1, 0] + b2 * corners[f, 2, 0],
@@ -90,9 +112,23 @@ def facet_point(corners: Float | Image, f: int, b1: float, b2: float) -> tuple[f
 def subdivision_offset(
     corners: Image, normals: Image, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
 ) -> tuple[float, float, float]:
-    """Offset from the facet's point to the smooth surface; only outwards, so creases are left alone.
+    """Offset from a point of the facet to the smooth surface, mm; theory.md 10.5. Only outwards: creases are left
+    alone.
 
-    And by `relief` along the normal, or the kinks between patches would fray the shadow that grazing light meets first.
+    Raised further by `relief` along the normal, or the kinks between patches would fray the shadow that grazing light
+    meets first.
+
+    Parameters
+    ----------
+    corners, normals : ndarrays of shape (F, 3, 3)
+    relief : float
+        Mm.
+    f : int
+        Face.
+    b1, b2 : float
+        Barycentric weights of its corners 1 and 2.
+    px, py, pz : float
+        The point, mm.
     """
     dx, dy, dz = 0.0, 0.0, 0.0
     for k in range(3):
@@ -108,7 +144,15 @@ def subdivision_offset(
 
 @njit(cache=True, inline="always")
 def point_of(subdivided: SubdividedMesh, face: int, b1: float, b2: float) -> tuple[float, float, float]:
-    """Point of the skin at a place in a face of the mesh."""
+    """Point of the skin, mm about the occluder's centre, at a place in a face of the mesh.
+
+    Parameters
+    ----------
+    subdivided : SubdividedMesh
+    face : int
+    b1, b2 : float
+        Barycentric weights of its corners 1 and 2.
+    """
     f, b1, b2 = descend(face, b1, b2, subdivided.levels)
     return facet_point(subdivided.corner_mm, f, b1, b2)
 
@@ -117,12 +161,20 @@ def point_of(subdivided: SubdividedMesh, face: int, b1: float, b2: float) -> tup
 def offset_to_smooth_surface(
     subdivided: SubdividedMesh, step_mm: Float, face: int, b1: float, b2: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Start a hair above the facet at a place in a face, and the way from there to the smooth surface.
+    """Start a hair above the facet, at a place in a face of the mesh, and offset from there to the smooth surface, mm.
 
     Parameters
     ----------
+    subdivided : SubdividedMesh
     step_mm : ndarray of shape (F,)
         Step off the facet that round-off asks for.
+    face : int
+    b1, b2 : float
+        Barycentric weights of its corners 1 and 2.
+
+    Returns
+    -------
+    px, py, pz, dx, dy, dz : float
     """
     rise = (
         (1.0 - b1 - b2) * subdivided.relief_mm[face, 0]
@@ -150,7 +202,17 @@ def long_ways(
     threshold_mm: Float,
     out: NDArray[np.bool_],
 ) -> None:
-    """Texels whose way to the smooth surface is longer than `threshold_mm` (F,) of their face, written to `out`."""
+    """Texels whose offset to the smooth surface is longer than a threshold of their face.
+
+    Parameters
+    ----------
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    subdivided : SubdividedMesh
+    step_mm, threshold_mm : ndarrays of shape (F,)
+        Step off the facet that round-off asks for, and the length.
+    out : ndarray of shape (H, W)
+        Written.
+    """
     for row in prange(face_index.shape[0]):
         for col in range(face_index.shape[1]):
             face = face_index[row, col]
@@ -165,7 +227,18 @@ def long_ways(
 def place(
     face: NDArray[np.int32], barycentric: Image, subdivided: SubdividedMesh, step_mm: Float, start: Image, way: Image
 ) -> None:
-    """`offset_to_smooth_surface` at n places in faces: `start` and `way`, both (n, 3), are written."""
+    """Starts and offsets of `offset_to_smooth_surface` at n places in faces.
+
+    Parameters
+    ----------
+    face : ndarray of shape (n,)
+    barycentric : ndarray of shape (n, 2)
+    subdivided : SubdividedMesh
+    step_mm : ndarray of shape (F,)
+        Step off the facet that round-off asks for.
+    start, way : ndarrays of shape (n, 3), float32
+        Written, mm.
+    """
     for i in prange(len(face)):
         px, py, pz, dx, dy, dz = offset_to_smooth_surface(
             subdivided, step_mm, face[i], np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
@@ -186,16 +259,23 @@ def place_inside_texels(
     on_facet: NDArray[np.bool_],
     out: Image,
 ) -> None:
-    """Ray origins of grid x grid points inside each listed texel, written to `out` (len(texels), grid * grid, 3).
+    """Ray origins of grid x grid points inside each listed texel, mm.
 
     Parameters
     ----------
     texels : ndarray of shape (n,)
         row * W + col.
+    grid : int
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
     per_texel : ndarray of shape (F, 2, 2)
         Change of the barycentrics 1 and 2 with a step of one column and one row down.
+    subdivided : SubdividedMesh
+    step_mm : ndarray of shape (F,)
+        Step off the facet that round-off asks for.
     on_facet : ndarray of shape (H, W)
-        Where the way to the smooth surface is barred.
+        Texels whose way to the smooth surface is barred: their rays start on the facet.
+    out : ndarray of shape (n, grid * grid, 3)
+        Written.
     """
     width = face_index.shape[1]
     for i in prange(len(texels)):

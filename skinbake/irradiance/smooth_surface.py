@@ -1,4 +1,4 @@
-"""The smooth surface that a mesh's vertex normals imply, as finer triangles.
+"""Smooth surface that a mesh's vertex normals imply, as finer triangles.
 
 Shading normals pretend that a coarse mesh is smooth; shadows of its flat triangles give it away, as blocks along the
 terminator and polygons in place of curved shadow edges. Rays therefore meet this surface, and start on it.
@@ -24,7 +24,7 @@ MAX_SLOPE = (
 
 @dataclass(frozen=True)
 class SmoothSurface:
-    """Triangles 4^levels f ... 4^levels (f + 1) - 1 lie in face f of the mesh.
+    """Subdivided mesh: triangles 4^levels f ... 4^levels (f + 1) - 1 lie in face f of the mesh.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ def _edges(surface: SmoothSurface) -> tuple[NDArray[np.int64], Float]:
 
 
 def _subdivide(surface: SmoothSurface, edge: NDArray[np.int64], offset: Float) -> SmoothSurface:
-    """Each triangle into four: one at each corner, then the middle one."""
+    """The surface with each triangle cut into four: one at each corner, then the middle one."""
     middle = np.empty_like(offset)
     a, b = surface.faces, np.roll(surface.faces, -1, axis=1)
     middle[edge] = 0.5 * (surface.positions_mm[a] + surface.positions_mm[b])
@@ -129,7 +129,16 @@ def _subdivide(surface: SmoothSurface, edge: NDArray[np.int64], offset: Float) -
 
 @njit(cache=True, inline="always")
 def descend(f: int, b1: float, b2: float, levels: int) -> tuple[int, float, float]:
-    """Triangle of the smooth surface and place in it, for a place in a face of the mesh."""
+    """Triangle of the smooth surface and barycentrics in it, for a place in a face of the mesh.
+
+    Parameters
+    ----------
+    f : int
+        Face of the mesh.
+    b1, b2 : float
+        Barycentric weights of its corners 1 and 2.
+    levels : int
+    """
     for _ in range(levels):
         b0 = 1.0 - b1 - b2
         if b0 >= 0.5:

@@ -1,4 +1,4 @@
-"""What the lights meet at each texel: where it is, which way it faces, what its oil lets through."""
+"""Surface that lights meet at each texel: position, normals, and the oil layer."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WORTH_CHECKING = 0.25  # of a texel: a shorter way to the smooth surface cannot 
 
 @dataclass(frozen=True)
 class TexelSurface:
-    """The texels of one tile.
+    """Surface at the texels of one tile.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class TexelSurface:
         Positions are computed from its triangles where they are asked for, since most texels never are.
     texel_mm : ndarray of shape (F,)
         Shorter length of a texel of each face.
-    per_texel : ndarray by face
-        For ray origins, see `place_inside_texels`.
+    per_texel : ndarray of shape (F, 2, 2)
+        Change of the barycentrics with a step of one column and one row, see `place_inside_texels`.
     """
 
     raster: AtlasRaster
@@ -60,7 +60,9 @@ class TexelSurface:
 
     @cached_property
     def on_facet(self) -> NDArray[np.bool_]:
-        """Where another surface, as between closed lips, bars the way from the facet to the smooth surface, (H, W)."""
+        """Texels at which another surface, as between closed lips, bars the way from facet to smooth surface, (H,
+        W).
+        """
         raster, step_mm = self.raster, _step_mm(self.texel_mm, self.occluder)
         barred = np.empty(raster.shape, np.bool_)
         threshold_mm = WORTH_CHECKING * self.texel_mm
@@ -71,11 +73,11 @@ class TexelSurface:
         return barred
 
     def origins(self, texels: Index) -> Image:
-        """Where the shadow rays of texels (row * W + col) start: on the smooth surface, shape (n, 3)."""
+        """Origins of the shadow rays of texels (row * W + col), on the smooth surface, mm, shape (n, 3)."""
         return self.origins_inside(texels, 1)[:, 0]
 
     def origins_inside(self, texels: Index, grid: int) -> Image:
-        """Origins of a grid of rays inside each texel, shape (n, grid * grid, 3)."""
+        """Origins of a grid of rays inside each texel, mm, shape (n, grid * grid, 3)."""
         out = np.empty((len(texels), grid * grid, 3), np.float32)
         face_index, barycentric = self.raster.face_index, self.raster.barycentric
         step_mm = _step_mm(self.texel_mm, self.occluder)
@@ -88,7 +90,16 @@ class TexelSurface:
 def texel_surface(
     raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps, specular: SpecularSpec, occluder: Occluder
 ) -> TexelSurface:
-    """Gather it once a tile; every light uses it."""
+    """Surface of one tile's texels; every light uses it.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    mesh : SkinMesh
+    maps : SkinMaps
+    specular : SpecularSpec
+    occluder : Occluder
+    """
     height, width = raster.shape
     smooth, normal = shading_normals(raster, mesh, maps)
     return TexelSurface(
@@ -104,9 +115,17 @@ def texel_surface(
 
 
 def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int], count: int) -> tuple[Image, Image]:
-    """Ray origins at points spread evenly over the skin's area, and the smooth normals there, both (count, 3).
+    """Ray origins at points spread evenly over the skin's area, mm, and the smooth normals there, both (count, 3).
 
     The same points for the same mesh: one in each of `count` equal shares of the area, in the order of the faces.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    occluder : Occluder
+    size : (width, height)
+        Size of the texture, whose texels set the step off the facet.
+    count : int
     """
     total = np.cumsum(mesh.face_area_mm2)
     step = np.arange(count) + 0.5
@@ -123,14 +142,16 @@ def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int],
 
 
 def _step_mm(texel_mm: Float, occluder: Occluder) -> Float:
-    """Step off each face that round-off asks for."""
+    """Step off each face that round-off asks for, mm, shape (F,)."""
     return TEXEL_SHARE * np.minimum(texel_mm, 1.0) + SPACINGS * occluder.spacing_mm
 
 
 def _ways_up(
     face: NDArray[np.int32], barycentric: Image, occluder: Occluder, step_mm: Float
 ) -> tuple[Image, Image, NDArray[np.bool_]]:
-    """Start above the facet and way to the smooth surface at places in faces, (n, 3), and which ways are barred."""
+    """Starts above the facet and offsets to the smooth surface at places in faces, (n, 3), and which offsets are
+    barred.
+    """
     start, way = np.empty((len(face), 3), np.float32), np.empty((len(face), 3), np.float32)
     place(face, barycentric, occluder.subdivided, step_mm, start, way)
     # `way` is not scaled to length 1: a reach of 1 ends at the smooth surface
@@ -147,6 +168,7 @@ def _barycentrics_per_texel(mesh: SkinMesh, width: int, height: int) -> Float:
 
 
 def _map_or_constant(raster: AtlasRaster, mesh: SkinMesh, images: dict[int, Image], constant: float) -> Image:
+    """Map values (H, W) of the raster's tile, or a constant as (1, 1)."""
     if raster.tile not in images:
         return np.full((1, 1), constant, np.float32)
     return sample_map(raster, mesh, images, constant)

@@ -72,7 +72,7 @@ class PlannedJob:
 
 
 def expand(spec: BatchSpec) -> tuple[PlannedJob, ...]:
-    """Looks of a batch: its jobs in their order, then the matrix, its last axis running fastest."""
+    """Looks of a batch: its jobs in their order, then all combinations of the matrix, the last axis running fastest."""
     jobs = [PlannedJob(job.name, (("jobs", i),), {}) for i, job in enumerate(spec.jobs)]
     for options in itertools.product(*spec.matrix.values()) if spec.matrix else ():
         choices = dict(zip(spec.matrix, options, strict=True))

@@ -11,6 +11,7 @@ from skinbake.scene.strict import LARGEST, NonNegative, Rgb, Strict, Vector
 
 
 def _has_length(vector: Vector) -> Vector:
+    """The vector, refused if it has no direction."""
     length = math.hypot(*vector)
     if not 1 / LARGEST <= length <= LARGEST:
         raise ValueError(f"expected a direction that is not zero, {1 / LARGEST:g} to {LARGEST:g} long, got {length:g}")
@@ -42,7 +43,9 @@ class PointLight(_Light):
 
 
 class SpotLight(_Light):
-    """Point light inside a cone about `axis`, falling smoothly from `inner_deg` to 0 at `outer_deg` (half angles)."""
+    """Point light inside a cone about `axis`: full up to `inner_deg`, falling smoothly to 0 at `outer_deg` (half
+    angles).
+    """
 
     type: Literal["spot"]
     position_mm: Vector
@@ -75,7 +78,7 @@ class RectangleLight(_Light):
 class EnvironmentLight(_Light):
     """Equirectangular radiance map, y up, u = 0.5 towards +z and 0.75 towards -x (as seen from inside).
 
-    `radiance` is a constant environment instead. `rotate_deg` turns the map about +y, +z towards +x.
+    `radiance` gives a constant environment in place of a map. `rotate_deg` turns the map about +y, +z towards +x.
     """
 
     type: Literal["environment"]

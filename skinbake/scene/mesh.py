@@ -56,13 +56,13 @@ class SkinMesh:
 
     @cached_property
     def face_area_mm2(self) -> Float:
-        """Shape (F,)."""
+        """Area of each face, mm^2, shape (F,)."""
         a, b, c = np.moveaxis(self.corner_position_mm, 1, 0)
         return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def smooth_vertex_normals(positions_mm: Float, faces: NDArray[np.int32]) -> Float:
-    """Angle-weighted unit vertex normals, shape (V, 3) [Thuermer1998]."""
+    """Unit vertex normals, shape (V, 3): the faces' normals weighted by their angles at the vertex [Thuermer1998]."""
     corners = positions_mm[faces]
     normal = normalized(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     summed = np.zeros_like(positions_mm)

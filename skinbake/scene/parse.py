@@ -1,4 +1,4 @@
-"""From a plain mapping to a SceneSpec, every fault collected in the words of the person who wrote the file."""
+"""Validation: a plain mapping becomes a SceneSpec, or a list of all its faults in the words of the file's author."""
 
 from __future__ import annotations
 
@@ -15,10 +15,13 @@ Key = tuple[str | int, ...]
 
 
 def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str]) -> Any:
-    """Validate `mapping`, as it came out of a file, as `kind` (a model or an annotated union of models).
+    """Validate `mapping`, as it came out of a file, as `kind`, and give that model.
 
     Parameters
     ----------
+    kind : type
+        A model, or an annotated union of models.
+    mapping : mapping
     say : callable
         Given a key path and a sentence, the message line with its file and line.
 
@@ -47,7 +50,16 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str]) -> Any:
 
 
 def unknown_keys(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str]) -> list[str]:
-    """A message for each key of `mapping` that `kind` does not know; what else is wrong is passed over."""
+    """A message for each key of `mapping` that `kind` does not know; other faults are ignored.
+
+    Parameters
+    ----------
+    kind : type
+        A model, or an annotated union of models.
+    mapping : mapping
+    say : callable
+        As `parse`.
+    """
     try:
         TypeAdapter(kind).validate_python(mapping)
     except ValidationError as error:
@@ -57,7 +69,7 @@ def unknown_keys(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str]
 
 
 def _key(value: Any, loc: tuple[str | int, ...], kind: str) -> Key:
-    """The part of pydantic's location that stands in the file: tags of unions and names of validators do not."""
+    """Key path in the file for a location of pydantic's, which also holds tags of unions and names of validators."""
     key: list[str | int] = []
     for i, part in enumerate(loc):
         last = i == len(loc) - 1
@@ -73,6 +85,7 @@ def _key(value: Any, loc: tuple[str | int, ...], kind: str) -> Key:
 
 
 def _sentence(kind: Any, fault: Any) -> str:
+    """What was expected and what came, for one fault of pydantic's."""
     found, got, context = fault["type"], fault.get("input"), fault.get("ctx", {})
     if found == "extra_forbidden":
         return _unknown(str(fault["loc"][-1]), _keys_at(kind, fault["loc"][:-1]))
@@ -98,7 +111,7 @@ def _sentence(kind: Any, fault: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value as its YAML has it, told by its kind where it is long."""
+    """A value as its YAML has it; mappings and lists are only named."""
     if isinstance(value, Mapping):
         return "a mapping"
     if isinstance(value, list | tuple):
@@ -138,11 +151,13 @@ _PHRASES = (
 
 
 def _suggest(word: str, options: list[str]) -> str:
+    """The ending "; did you mean ...?" for a misspelt word, or nothing."""
     close = difflib.get_close_matches(word, options, n=1)
     return f"; did you mean {close[0]}?" if close else ""
 
 
 def _unknown(word: str, allowed: list[str]) -> str:
+    """Sentence about a key that is not allowed where it stands."""
     if word in _known_keys():
         return f"does not belong here; expected one of {', '.join(allowed)}"
     return "unknown key" + (_suggest(word, allowed) or f"; expected one of {', '.join(allowed)}")
@@ -161,7 +176,7 @@ def _keys_at(kind: Any, loc: tuple[str | int, ...]) -> list[str]:
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The models inside an annotation: of a union, a list, an optional."""
+    """Every model inside an annotation, such as a union, a list or an optional."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in get_args(annotation):
@@ -169,6 +184,7 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _known_keys() -> set[str]:
+    """Keys of all models, wherever they belong."""
     keys: set[str] = set()
     todo = [Strict]
     while todo:

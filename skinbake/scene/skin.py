@@ -88,7 +88,7 @@ class _Layered(_Skin):
 
 
 class MultipoleSkin(_Layered):
-    """Layers joined by adding [Donner2005]."""
+    """Layers joined by adding, theory.md 3.7 [Donner2005]."""
 
     model: Literal["multipole"]
     boundary: Literal["polynomial", "exact"] = "polynomial"
@@ -160,7 +160,9 @@ class TableSkin(_Skin):
 
 
 class PhysiologySkin(_Skin):
-    """What skin is made of instead of coefficients, per wavelength, then turned to RGB [Donner2006]."""
+    """Skin given by what it is made of; coefficients follow per wavelength and are turned to RGB, theory.md 3.9
+    [Donner2006].
+    """
 
     model: Literal["physiology"]
     melanin: Annotated[float, Field(ge=0, le=0.5)]  # volume fraction in the epidermis
@@ -187,6 +189,7 @@ _TELLING = {
 
 
 def _with_model(value: Any) -> Any:
+    """The mapping with its `model`, found by a key that only one model has."""
     if isinstance(value, dict) and value.get("model") is None:
         models = {_TELLING[key] for key in value if key in _TELLING}
         if len(models) != 1:

@@ -14,7 +14,7 @@ MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "dm": 100.0, "m": 1000.0, "inch": 25.4}
 
 
 class MeshSpec(Strict):
-    """Where the head is and how long its unit is."""
+    """Mesh file, and the length of its unit."""
 
     path: str
     unit: Literal["mm", "cm", "dm", "m", "inch"] | None = None
@@ -30,7 +30,7 @@ class MeshSpec(Strict):
 
     @property
     def millimetres_per_unit(self) -> float:
-        """Length of one mesh unit."""
+        """Length of one mesh unit, mm."""
         return self.mm_per_unit if self.mm_per_unit is not None else MM_PER_UNIT[str(self.unit)]
 
 
@@ -50,6 +50,7 @@ class NormalMapSpec(MapSpec):
 
 
 def _path_as_map(value: Any) -> Any:
+    """A bare path as the mapping it stands for."""
     return {"path": value} if isinstance(value, str) else value
 
 
@@ -87,7 +88,7 @@ class TextureSpec(Strict):
 
 
 class DiffusionSpec(Strict):
-    """How the lobes are blurred and how wrong they may be."""
+    """Method of the blur, and the error that it may have."""
 
     method: Literal["auto", "texture", "stretch", "hybrid", "surface", "reference"] = "auto"
     tolerance: Positive = 0.01
@@ -103,14 +104,14 @@ class DiffusionSpec(Strict):
 
 
 class TexturingSpec(Strict):
-    """Where the albedo goes: before the blur, after it, or split between (`mix`: share before)."""
+    """Where the albedo is multiplied: before the blur, after it, or split (`mix`: share before)."""
 
     mode: Literal["pre-scatter", "post-scatter", "mix"] = "pre-scatter"
     mix: Fraction = 0.5
 
     @property
     def exponent_before(self) -> float:
-        """x of theory.md 5.1: albedo^x multiplies the irradiance before the blur, albedo^(1-x) after it."""
+        """Exponent x of theory.md 5.1: albedo^x multiplies the irradiance before the blur, albedo^(1-x) after it."""
         return {"pre-scatter": 1.0, "post-scatter": 0.0, "mix": self.mix}[self.mode]
 
 
@@ -138,7 +139,7 @@ class TermsSpec(Strict):
 
 
 class OutputSpec(Strict):
-    """What is written."""
+    """Folder, format and content of what is written."""
 
     dir: str
     precision: Literal["half", "float"] = "half"
@@ -155,7 +156,7 @@ Shade = Annotated[float, Field(ge=0, le=1e6)]
 
 
 class PreviewSpec(Strict):
-    """The still that a bake ends with; the preview verb can say otherwise."""
+    """Picture that a bake ends with; the verb `preview` can override it."""
 
     size: tuple[PictureSize, PictureSize] = (768, 960)
     view: View = "three-quarter"
@@ -164,7 +165,7 @@ class PreviewSpec(Strict):
 
 
 class SceneSpec(Strict):
-    """One look."""
+    """One look: everything that a bake is made from."""
 
     mesh: MeshSpec
     maps: MapsSpec = MapsSpec()

@@ -14,12 +14,16 @@ LIMITS = (0.05, 0.02, 0.01, 0.005)
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured of one setting.
+    """Measurements of one setting.
 
     Attributes
     ----------
+    key, sweep, label, reference : str
+        Identity of the setting, the knob it turns, its name in tables, and what it was measured against.
+    overrides : tuple of str
+        As given to `--set`.
     rms, p95, max : float
-        Of the diffuse light at the common probes: rms relative to the reference's, p95 and max to its mean.
+        Error of the diffuse light at the common probes: rms relative to the reference's, p95 and max to its mean.
     seconds : float
         Median over runs of the whole bake without its preview.
     stage_seconds : mapping
@@ -27,9 +31,10 @@ class Row:
     peak_mib : float
         Largest resident size of the process that baked.
     bytes : int
-        Of the EXRs written.
+        Size of the EXRs written.
     flip, ssim : float
         HDR-FLIP and structural similarity of the preview against the reference's; NaN where there was no picture.
+    runs : int
     """
 
     key: str
@@ -50,7 +55,23 @@ class Row:
 
 
 def difference(values: Float, wanted: Float) -> tuple[float, float, float]:
-    """rms relative to `wanted`, and p95 and max of the differences relative to its mean; over probes and channels."""
+    """Difference of diffuse light from a reference.
+
+    Parameters
+    ----------
+    values, wanted : ndarray of one shape
+        By probe and channel.
+
+    Returns
+    -------
+    rms, p95, max : float
+        rms relative to that of `wanted`, p95 and max relative to its mean.
+
+    Raises
+    ------
+    ValueError
+        If the reference is black.
+    """
     off = np.abs(values - wanted)
     norm, mean = float(np.linalg.norm(wanted)), float(np.mean(np.abs(wanted)))
     if norm == 0 or mean == 0:
@@ -59,7 +80,10 @@ def difference(values: Float, wanted: Float) -> tuple[float, float, float]:
 
 
 def pareto_front(rows: Sequence[Row]) -> list[Row]:
-    """Rows that no other beats in both seconds and error, fastest first; a hundredth less error is no gain."""
+    """Rows that no other beats in both seconds and error, fastest first.
+
+    An error smaller by less than a hundredth is no gain.
+    """
     front: list[Row] = []
     for row in sorted(rows, key=lambda row: (row.seconds, row.rms)):
         if np.isfinite(row.rms) and (not front or row.rms < 0.99 * front[-1].rms):
@@ -68,6 +92,6 @@ def pareto_front(rows: Sequence[Row]) -> list[Row]:
 
 
 def cheapest(rows: Sequence[Row], limit: float) -> Row | None:
-    """Fastest row whose rms is within `limit`."""
+    """Fastest row whose rms is within `limit`, or None."""
     within = [row for row in rows if row.rms <= limit]
     return min(within, key=lambda row: row.seconds, default=None)

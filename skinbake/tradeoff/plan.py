@@ -1,4 +1,4 @@
-"""Which settings to measure around a look, and what each is measured against."""
+"""Settings to measure around a look, and what each is measured against."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Overrides = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Reference:
-    """What rows are measured against: the exact surface integral of a finest profile on a finest texture.
+    """Exact surface integral of a finest profile on a finest texture, against which rows are measured.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Setting:
-    """One bake to measure."""
+    """One bake to measure: the knob and its value, as overrides of a look, and the name of its reference."""
 
     sweep: str
     label: str
@@ -48,7 +48,15 @@ class Setting:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Everything one command measures. Settings with the same overrides are measured once and shown in each sweep."""
+    """Everything one command measures. Settings with the same overrides are measured once and shown in each sweep.
+
+    Attributes
+    ----------
+    references : tuple of Reference
+    settings : tuple of Setting
+    twice : tuple of str
+        Overrides of the first reference on twice the texture size.
+    """
 
     references: tuple[Reference, ...]
     settings: tuple[Setting, ...]
@@ -118,19 +126,22 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
 
 
 def _size(size: tuple[int, int], scale: float) -> str:
+    """Override that sets the texture's size to `scale` times `size`."""
     return "texture.size=[" + ", ".join(str(max(1, round(side * scale))) for side in size) + "]"
 
 
 def _area_lights(spec: SceneSpec) -> list[str]:
+    """Names of lights whose shadows are sampled."""
     return [light.name for light in spec.lights if light.type in ("rectangle", "environment")]
 
 
 def _samples(spec: SceneSpec, samples: int) -> Overrides:
+    """Overrides that give each such light a number of samples."""
     return tuple(f"lights.{name}.samples={samples}" for name in _area_lights(spec))
 
 
 def _finest_skin(spec: SceneSpec) -> Overrides:
-    """A given sum stands for itself; anything else is fitted with as many Gaussians as there may be."""
+    """Override that fits as many Gaussians as there may be; none for a given sum, which stands for itself."""
     if spec.skin.model == "gaussians" and "fit" not in spec.skin.model_fields_set:
         return ()
     return (f"skin.fit={{gaussians: {FINEST}}}",)
