@@ -1,4 +1,4 @@
-"""A batch: which looks, who bakes them, and what is left behind: batch.json, batch.png."""
+"""A batch: its looks are baked by a process pool or a cluster; batch.json and batch.png report on them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,25 @@ GOOD = ("done", "fresh")
 
 @dataclass(frozen=True)
 class Plan:
-    """What the command line asks for."""
+    """The batch command's arguments.
+
+    Attributes
+    ----------
+    batch : Batch
+    workers : int
+        Processes.
+    keep_going : bool
+        Go on after a job has failed.
+    force, preview : bool
+        As the verb `bake`.
+    cache : Path or None
+        Folder of shared results.
+    cache_bytes : int
+    dask : str or None
+        Address of a scheduler, or "local".
+    retries : int
+        How often a job is tried again after its machine failed it.
+    """
 
     batch: Batch
     workers: int = 1
@@ -44,17 +62,17 @@ class Plan:
 
     @property
     def selected(self) -> tuple[BatchJob, ...]:
-        """Jobs that are wanted."""
+        """Jobs to bake."""
         return tuple(job for job in self.batch.jobs if job.wanted)
 
     def bake_job(self, job: BatchJob) -> BakeJob:
-        """What the job's process needs to know."""
+        """Order for the process that bakes this job."""
         cache = str(self.cache) if self.cache else None
         return BakeJob(job.spec, self.force, self.preview, cache, self.cache_bytes, code_key("."))
 
 
 def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
-    """Bake the selected looks; gives and writes what batch.json holds."""
+    """Bake the selected looks, write batch.json and batch.png, and give what batch.json holds."""
     start = time.perf_counter()
     jobs = plan.selected
     payloads = {job.name: plan.bake_job(job) for job in jobs}
@@ -105,7 +123,7 @@ def _entries(plan: Plan, results: Mapping[str, dict[str, Any]]) -> list[dict[str
 
 
 def _sheet(batch: Batch, entries: list[dict[str, Any]]) -> None:
-    """batch.png: rows as wide as the matrix's last axis."""
+    """Write batch.png, with rows as wide as the matrix's last axis."""
     cells = []
     for entry in entries:
         failed = entry["status"] not in (*GOOD, "not run")
@@ -120,6 +138,7 @@ def _sheet(batch: Batch, entries: list[dict[str, Any]]) -> None:
 
 
 def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
+    """Print how many looks were baked, and the errors of the others."""
     ran = [entry for entry in report["jobs"] if entry["selected"]]
     bad = [entry for entry in ran if entry["status"] not in GOOD]
     hits, misses = report["cache"]["hits"], report["cache"]["misses"]
@@ -133,7 +152,7 @@ def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
 
 
 def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
-    """A line a look: its stages that would run, and why; and whether every input is there."""
+    """A line a look, naming the stages that would run and why; and whether every input is there."""
     from skinbake.bake.dry_run import stale_stages
     from skinbake.bake.folder import BakeFolder
     from skinbake.bake.session import BakeSession

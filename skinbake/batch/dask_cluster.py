@@ -31,14 +31,22 @@ def run_on_dask(
     retries: int = 1,
     keep_going: bool = True,
 ) -> dict[str, dict[str, Any]]:
-    """Result of each job by name, as `pool.ProcessPool.run` gives them.
+    """Run jobs on a Dask cluster; the result of each by name, as `ProcessPool.run` gives them.
 
     Parameters
     ----------
     address : str
-        Of a scheduler ("tcp://host:8786"), or "local" for a cluster of `workers` processes here.
+        Scheduler's address ("tcp://host:8786"), or "local" for a cluster of `workers` processes here.
+    work : callable
+        From a payload and a function that takes events to the result.
+    payloads : mapping of name to payload
+    listen : callable
+        Takes a job's name and an event.
+    workers : int
     retries : int
         How often a job is tried again after its machine failed it; bad input is not tried again.
+    keep_going : bool
+        Go on after a job has failed.
 
     Raises
     ------
@@ -73,6 +81,7 @@ def run_on_dask(
 
 
 def _result(future: Any) -> dict[str, Any]:
+    """Result of a finished task; an error becomes a failed job."""
     try:
         return dict(future.result())
     except SkinbakeError as error:
@@ -96,6 +105,7 @@ def _on_worker(work: Work, payload: Any, name: str, topic: str) -> dict[str, Any
 
 @contextlib.contextmanager
 def _client(address: str, workers: int) -> Iterator[Any]:
+    """Client of a scheduler, or of a local cluster, closed at the end."""
     try:
         import distributed
         from distributed.comm import get_address_host_port

@@ -18,8 +18,14 @@ class BakeJob:
 
     Attributes
     ----------
-    cache : folder of the shared results, or None
-    code : digest of the code that gave the job; another process must have the same
+    spec : SceneSpec
+    force, preview : bool
+        As the verb `bake`.
+    cache : str or None
+        Folder of the shared results.
+    cache_bytes : int
+    code : str
+        Digest of the code that gave the job; another process must have the same.
     """
 
     spec: SceneSpec
@@ -31,12 +37,12 @@ class BakeJob:
 
 
 def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
-    """Bake one look; what the user can mend comes back as `error`, what another machine may do better is raised.
+    """Bake one look and give its entry of batch.json. An error that the user can mend is part of the entry.
 
     Raises
     ------
     MachineError
-        Disk full, no OpenGL, other code than the one that gave the job.
+        Another machine may do better: disk full, no OpenGL, other code than the one that gave the job.
     """
     from skinbake.bake.baking import bake_look
     from skinbake.bake.session import BakeSession
@@ -49,6 +55,7 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
     stages: dict[str, bool] = {}
 
     def on_event(event: dict[str, Any]) -> None:
+        """Note which stages ran, and pass the event on."""
         if "reused" in event:
             stages[event["stage"]] = event["reused"]
         tell(event)

@@ -1,4 +1,4 @@
-"""Jobs on several processes of this machine: one that fails, or whose process is killed, does not stop the others."""
+"""Jobs on several processes of this machine. A job that fails, or whose process is killed, does not stop the others."""
 
 from __future__ import annotations
 
@@ -26,12 +26,19 @@ _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPE
 
 @dataclass
 class ProcessPool:
-    """What is known of the processes while they work.
+    """Processes that run jobs.
 
     Attributes
     ----------
+    work : callable
+        From a payload and a function that takes events to the result.
+    workers : int
+    retries : int
+        How often a job is tried again after its process ended.
+    listen : callable
+        Takes a job's name and an event.
     peak_mib : float
-        Largest resident size of all of them together, sampled; pages they share are counted in each.
+        Largest resident size of all processes together, sampled; pages they share are counted in each.
     """
 
     work: Work
@@ -41,8 +48,9 @@ class ProcessPool:
     peak_mib: float = field(default=0.0, init=False)
 
     def run(self, payloads: Mapping[str, Any], keep_going: bool = True) -> dict[str, dict[str, Any]]:
-        """Result of each job by name; `status` is "failed" where its process ended, "skipped" after a failure unless
-        `keep_going`.
+        """Run jobs; the result of each by name.
+
+        `status` is "failed" where its process ended, "skipped" after a failure unless `keep_going`.
         """
         todo = [(name, self.retries) for name in payloads]
         results: dict[str, dict[str, Any]] = {}
@@ -65,6 +73,7 @@ class ProcessPool:
         return {name: results.get(name, {"status": "skipped", "error": "an earlier job failed"}) for name in payloads}
 
     def _idle(self, pool: list[_Worker]) -> _Worker | None:
+        """A worker without a job, started if there may be one more; None if all are busy."""
         for worker in pool:
             if not worker.name:
                 return worker
@@ -74,6 +83,7 @@ class ProcessPool:
         return None
 
     def _ready(self, pool: list[_Worker]) -> list[_Worker]:
+        """Busy workers that have something to say, after a wait of at most `SAMPLE_S`."""
         busy = [worker for worker in pool if worker.name]
         ready = connection.wait([worker.connection for worker in busy], SAMPLE_S)
         self.peak_mib = max(self.peak_mib, sum(resident_mib(worker.process.pid) for worker in pool))
@@ -86,6 +96,7 @@ class ProcessPool:
         todo: list[tuple[str, int]],
         results: dict[str, dict[str, Any]],
     ) -> None:
+        """Take one message of a worker: an event, a result, or its end."""
         name = worker.name
         try:
             kind, value = worker.connection.recv()
@@ -117,11 +128,22 @@ class _Worker:
         self.tries = 0
 
     def start(self, name: str, tries: int, work: Work, payload: Any) -> None:
+        """Give the process a job.
+
+        Parameters
+        ----------
+        name : str
+        tries : int
+            How often it may be tried again.
+        work : callable
+        payload : object
+        """
         self.name, self.tries = name, tries
         with suppress(OSError):  # it is gone: heard of as the end of its connection
             self.connection.send((work, payload))
 
     def last_words(self) -> str:
+        """Why the process ended, in words."""
         self.process.join(10)
         code = self.process.exitcode or 0
         if code < 0:
@@ -131,6 +153,7 @@ class _Worker:
         return f"its process ended with exit code {code}"
 
     def end(self) -> None:
+        """End the process, whatever it is doing."""
         self.connection.close()
         if self.name:
             self.process.terminate()  # files are whole or not there at all
@@ -141,7 +164,7 @@ class _Worker:
 
 
 def _serve(pipe: Connection) -> None:
-    """A worker's life: take a job, say how it goes, give its result, until the other end closes."""
+    """Loop of a worker process: take a job, pass its events on, send its result, until the other end closes."""
     reuse_freed()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears of it and ends us
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -160,7 +183,7 @@ def _serve(pipe: Connection) -> None:
 
 
 def _end_with_parent() -> None:
-    """A bake whose batch was killed would go on holding its folder; end it instead."""
+    """End this process when its parent has ended: it would go on holding the folder of its look."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         connection.wait([parent.sentinel])

@@ -1,4 +1,4 @@
-"""How far a batch is: bars and stages on a terminal, a line a job anywhere else."""
+"""Progress of a batch: bars and stages on a terminal, a line a job anywhere else."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ WORDS = {"done": "done", "fresh": "as it was", "missed": "tolerance missed", "fa
 
 
 class BatchProgress:
-    """Listens to jobs and shows them on stderr.
+    """Shows on stderr what jobs report.
 
     Parameters
     ----------
     total : int
         Jobs of the batch.
     workers : int
-        That run at a time.
+        Jobs that run at a time.
     console : Console
     """
 
@@ -55,7 +55,7 @@ class BatchProgress:
             self.bars.stop()
 
     def on_event(self, name: str, event: dict[str, Any]) -> None:
-        """Take one event of a job."""
+        """Show one event of a job."""
         kind = event["event"]
         if kind == "begin":
             self.begun[name] = time.monotonic()
@@ -69,6 +69,7 @@ class BatchProgress:
             self._end(name, event)
 
     def _end(self, name: str, event: dict[str, Any]) -> None:
+        """Show that a job has ended, and how."""
         self.ended += 1
         if self.bars:
             if name in self.rows:
@@ -86,7 +87,7 @@ class BatchProgress:
         self.console.print(text, markup=False, soft_wrap=True)
 
     def _left(self) -> str:
-        """Time left, were the looks to come all as slow as those so far."""
+        """Time left in words, if the looks to come are as slow as those so far."""
         if self.ended == self.total:
             return ""
         seconds = (time.monotonic() - self.start) / self.ended * (self.total - self.ended)

@@ -1,4 +1,4 @@
-"""`skinbake check CONFIG`: what a bake would meet, before it is started."""
+"""`skinbake check CONFIG`: a look's mesh, UVs and maps, and the cost of its bake, before it is started."""
 
 from __future__ import annotations
 
@@ -49,7 +49,13 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
 
 
 def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvReport]:
-    """The report as a mapping, a picture for each tile, and what the report says of the UVs."""
+    """Report on a look: the report as a mapping, a picture for each tile, and the report on the UVs.
+
+    Raises
+    ------
+    InputError, MachineError
+        Files that cannot be read; a bake that this machine cannot hold.
+    """
     from skinbake.atlas import tiles_of
     from skinbake.atlas.report import report_picture, uv_report
     from skinbake.io.scene_files import read_scene
@@ -107,6 +113,14 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
     Fitted to bakes of the sample head at 256^2 to 4096^2 and of the Lee Perry-Smith scan at 1024^2 and 2048^2: within a
     factor 1.5 for memory and sizes; seconds, on two free cores of a 2.6 GHz server, within 2. Sizes are those of skin
     with its albedo map; constant light on constant skin takes less.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    uv : UvReport
+    tiles : int
+    variance_mm2 : sequence of float
+        Of the lobes.
     """
     lights, summed = len(spec.lights), spec.output.lights == "total"
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
@@ -139,7 +153,15 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
 
 
 def stored_level(variance_mm2: float, texel_mm2: float, tolerance: float) -> int:
-    """How often a lobe's texture is halved, by the plan's rule for bilinear reading."""
+    """Number of times a lobe's texture is halved, by the plan's rule for bilinear reading.
+
+    Parameters
+    ----------
+    variance_mm2 : float
+    texel_mm2 : float
+        Area of a texel on the skin.
+    tolerance : float
+    """
     texels2 = 0.6 * tolerance * variance_mm2 / (0.055 * max(texel_mm2, 1e-12))
     return max(0, math.floor(0.5 * math.log2(max(texels2, 1e-12))))
 

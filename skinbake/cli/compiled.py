@@ -1,4 +1,4 @@
-"""Where numba keeps its machine code.
+"""Folder of numba's machine code.
 
 Numba looks only at the file of the function it compiles: a kernel that has inlined one of another file would run the
 old one after that file was changed. So the folder is named after the content of every file that has kernels.

@@ -53,7 +53,7 @@ def command(
 
 
 def compare(report: FitReport, path: str) -> dict[str, Any]:
-    """How well the Gaussians describe the profile of a CSV, as they are and with the best scale a channel."""
+    """Distance of the Gaussians from the profile of a CSV, as they are and with the best scale a channel."""
     from skinbake.io.table import read_profile_csv
     from skinbake.profile.fit_report import error_against
     from skinbake.profile.table import TableProfile

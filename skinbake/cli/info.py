@@ -47,7 +47,7 @@ def command(path: str, as_rule: bool, as_json: bool) -> None:
 
 
 def input_states(manifest: dict[str, Any], spec: SceneSpec) -> dict[str, dict[str, str]]:
-    """Path of each input by role, and whether it is `as baked`, `changed` or `missing` now."""
+    """Path of each input by role, and its state now: `as baked`, `changed` or `missing`."""
     from skinbake.errors import InputError
     from skinbake.io.fingerprint import digest_of, input_files
 

@@ -1,4 +1,4 @@
-"""One bake, or one exact integral, in a process of its own: that is what makes its peak memory its own.
+"""One bake, or one exact integral, in a process of its own, so that the peak memory is that of the bake alone.
 
 Every setting is judged at the same points of the skin, whatever its texture: the probes with which a bake at the
 sweep's texture size verifies itself, read from the stored lobes bilinearly as a GPU reads them. The reference is the
@@ -51,7 +51,7 @@ class Probed:
 
 
 class Child:
-    """A fresh process that does what it is told, one task after another; a context manager."""
+    """Fresh process that runs one task after another; a context manager."""
 
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -71,7 +71,7 @@ class Child:
         self._process.join()
 
     def __call__(self, task: Callable[..., Any], *arguments: Any) -> Any:
-        """What `task(*arguments)` returns there.
+        """Run `task(*arguments)` in the process, and give its result.
 
         Raises
         ------
@@ -100,6 +100,7 @@ def in_child(task: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _serve(connection: Connection) -> None:
+    """Loop of the process: take a task, send its result or its error, until the other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends us
     while True:
         try:
@@ -123,7 +124,21 @@ def _serve(connection: Connection) -> None:
 
 
 def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str, Any]:
-    """Bake once in a temporary folder: seconds by stage, peak memory, bytes, the light at the probes, a picture."""
+    """Bake once in a temporary folder and measure it.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    at : Probed, optional
+        Where the light is wanted.
+    picture : bool
+        Whether a picture is wanted.
+
+    Returns
+    -------
+    dict
+        seconds, cpu_seconds, stages, peak_mib, bytes; values (P, 3) and picture (h, w, 3) where they were wanted.
+    """
     _warm(spec)
     with TemporaryDirectory(prefix="skinbake-") as folder:
         cpu = time.process_time()
@@ -145,7 +160,23 @@ def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str,
 
 
 def measure_reference(spec: SceneSpec, probes: int, picture: bool, at: Probed | None = None) -> dict[str, Any]:
-    """The exact integral at probes (drawn here unless given), and a picture from a bake nearly as exact."""
+    """Exact integral at probes, and a picture from a bake nearly as exact.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    probes : int
+        How many to draw.
+    picture : bool
+        Whether a picture is wanted.
+    at : Probed, optional
+        Probes in place of drawn ones.
+
+    Returns
+    -------
+    dict
+        values (P, 3), the fields of Probed, and picture where it was wanted.
+    """
     values, at = exact_values(spec, probes, at)
     found: dict[str, Any] = {"values": values} | vars(at)
     if picture or spec.terms.transmission != "off":
@@ -169,6 +200,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
 
     Parameters
     ----------
+    spec : SceneSpec
     count : int
         Probes to draw as a bake of this look draws those it verifies itself with.
     at : Probed, optional
@@ -249,6 +281,7 @@ def _albedo_after(spec: SceneSpec, albedo: Any, constant: tuple[float, float, fl
 
 
 def _bake(spec: SceneSpec, folder: Path) -> dict[str, Any]:
+    """Bake into a folder and give the manifest, also where the tolerance was missed."""
     from skinbake.bake.baking import bake_look
     from skinbake.io.manifest import read_manifest
 
@@ -260,7 +293,7 @@ def _bake(spec: SceneSpec, folder: Path) -> dict[str, Any]:
 
 
 def _warm(spec: SceneSpec) -> None:
-    """A bake of a few texels first: compiled code is loaded once, and is not what differs between settings."""
+    """Bake a few texels first: compiled code is loaded once, and is not what differs between settings."""
     photons = {"skin": spec.skin.model_copy(update={"photons": 100})} if spec.skin.model == "transport" else {}
     tiny = spec.model_copy(
         update={"texture": spec.texture.model_copy(update={"size": (48, 48)}), **photons},
@@ -290,7 +323,7 @@ def _picture(folder: Path) -> NDArray[np.float32] | None:
 
 
 def own_peak_mib() -> float:
-    """Largest resident size of this process; where Linux tells, without what its parent had when it was started."""
+    """Largest resident size of this process, MiB; on Linux without what its parent had when it was started."""
     from skinbake.bake.machine import peak_memory_mib
 
     with suppress(OSError):

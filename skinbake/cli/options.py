@@ -15,7 +15,18 @@ class Within(click.FloatRange):
     """A finite number of a range: `click.FloatRange` lets NaN pass, and infinity where the range is open."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number; fails as a bad option does."""
+        """The number, finite and in range.
+
+        Parameters
+        ----------
+        value, param, ctx
+            As click gives them.
+
+        Raises
+        ------
+        click.BadParameter
+            If it is not.
+        """
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"expected a finite number {self._describe_range()}, got {value}", param, ctx)

@@ -91,7 +91,18 @@ def render_still(
     verbosity: int = 0,
     **how: Any,
 ) -> list[Path]:
-    """Render pictures of a bake folder as `still.render` does, by default FOLDER/preview.png; gives their paths."""
+    """Render pictures of a bake folder; their paths.
+
+    Parameters
+    ----------
+    folder : path
+    out : path, optional
+        Folder for the pictures; FOLDER/preview.png unless given.
+    gains : mapping of light name to float or RGB, optional
+    verbosity : int
+    **how
+        As `preview_worker.render`.
+    """
     from skinbake.bake.preview_worker import render
     from skinbake.io.bake_folder import read_bake_folder
     from skinbake.preview.draw import OffscreenRenderer

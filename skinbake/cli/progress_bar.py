@@ -1,4 +1,4 @@
-"""How far a long measurement is: a bar with the time left on a terminal, a line a step anywhere else."""
+"""Progress of a long measurement: a bar with the time left on a terminal, a line a step anywhere else."""
 
 from __future__ import annotations
 
@@ -12,7 +12,16 @@ Step = Callable[[str, float], None]
 
 @contextmanager
 def counted(total: float, name: str, verbosity: int) -> Iterator[Step]:
-    """Give a function that takes a line about what was done and how much of `total` that was."""
+    """Function to call after each step, with a line on what was done and how much of `total` that was.
+
+    Parameters
+    ----------
+    total : int
+    name : str
+        What is counted.
+    verbosity : int
+        0 shows nothing.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -29,6 +38,7 @@ def counted(total: float, name: str, verbosity: int) -> Iterator[Step]:
         task = bar.add_task(name, total=total, left="")
 
         def step(line: str, amount: float) -> None:
+            """Show one step."""
             nonlocal done
             done += amount
             left = time_left((time.monotonic() - start) / done * (total - done))

@@ -119,7 +119,7 @@ class Measurements:
         self.failed: dict[str, str] = {}
 
     def key(self, setting: Setting) -> str:
-        """What a row depends on: the code, the files, the look, the reference and the probes."""
+        """Key of a row: it depends on the code, the files, the look, the reference and the probes."""
         return self._key(self.specs[setting.overrides], self.references[setting.reference])
 
     def _key(self, spec: SceneSpec, reference: Reference) -> str:
@@ -191,7 +191,7 @@ class Measurements:
         self.values[name] = found
 
     def _measure_size(self) -> None:
-        """What the sweep's texture size itself leaves out: the same integral over twice the size, same probes."""
+        """Error of the sweep's texture size itself: the same integral over twice the size, at the same probes."""
         from skinbake.cli.measuring import in_child, measure_reference
         from skinbake.io.tradeoff import append_run
         from skinbake.tradeoff import difference
@@ -212,7 +212,7 @@ class Measurements:
         return "size-" + self._key(self.specs[self.sweep.twice], self.references["finest"])
 
     def _run(self, setting: Setting, run_in: Callable[..., Any]) -> str:
-        """One bake; the first also tells its error. Gives a line for the terminal."""
+        """Run one bake, the first also for its error, and give a line for the terminal."""
         from skinbake.cli.measuring import measure_bake
         from skinbake.errors import SkinbakeError
         from skinbake.io.tradeoff import append_run
@@ -241,7 +241,7 @@ class Measurements:
         return f"{name}: {run['seconds']:.2f} s, rms {self.runs[key][0]['rms']:.2%}"
 
     def rows(self) -> list[Row]:
-        """What is known so far, in the sweep's order."""
+        """Rows measured so far, in the sweep's order."""
         import numpy as np
 
         from skinbake.tradeoff import Row
@@ -275,7 +275,7 @@ class Measurements:
         return found
 
     def write(self, rows: list[Row], final: bool = False) -> None:
-        """Tables each time, the chart at the end."""
+        """Write the tables, and the chart if `final`."""
         from skinbake.bake.machine import processors
         from skinbake.io.tradeoff import write_tables
 
@@ -311,7 +311,7 @@ def _probed(reference: dict[str, Any]) -> Any:
 
 
 def _plain(spec: SceneSpec) -> dict[str, Any]:
-    """A look without the paths, whose contents are hashed instead."""
+    """Configuration of a look without the paths, whose contents are hashed instead."""
     plain = spec.model_dump(
         mode="json", exclude={"output": {"dir"}, "mesh": {"path"}, "maps": True, "preview": {"view"}}
     )

@@ -1,4 +1,4 @@
-"""Where a portrait photographer would stand."""
+"""Cameras of the preview: named views as a portrait photographer would choose them, and a turntable."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Camera:
 
     @property
     def position_mm(self) -> Float:
-        """Where the camera stands."""
+        """Position of the camera, mm, shape (3,)."""
         return self.target_mm + self.distance_mm * self.backward
 
     @property
@@ -74,23 +74,23 @@ class Camera:
         return pose
 
     def turned(self, azimuth_deg: float, elevation_deg: float = 0.0) -> Camera:
-        """Further along the orbit; never over the poles."""
+        """Camera moved along its orbit; it stops 1 degree before the poles."""
         elevation = float(np.clip(self.elevation_deg + elevation_deg, -89, 89))
         return replace(self, azimuth_deg=(self.azimuth_deg + azimuth_deg) % 360, elevation_deg=elevation)
 
     def zoomed(self, factor: float) -> Camera:
-        """Distance multiplied by `factor`."""
+        """Camera with its distance multiplied by `factor`."""
         return replace(self, distance_mm=float(np.clip(self.distance_mm * factor, 1.0, 1e6)))
 
     def panned(self, right: float, up: float) -> Camera:
-        """Target moved by shares of the frame's height."""
+        """Camera with its target moved by shares of the frame's height."""
         height = 2 * self.distance_mm * np.tan(np.radians(self.yfov_deg) / 2)
         axes = self.pose[:3, :3]
         return replace(self, target_mm=self.target_mm + height * (right * axes[:, 0] + up * axes[:, 1]))
 
 
 def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
-    """A named view of a mesh.
+    """Camera of a named view of a mesh.
 
     Parameters
     ----------
@@ -129,7 +129,21 @@ def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
 
 
 def turntable(mesh: SkinMesh, name: str, aspect: float, frames: int) -> list[Camera]:
-    """Cameras once around the head from a named view, all at the distance from which the widest frame still fits."""
+    """Cameras once around the head from a named view, all at the least distance from which every frame fits.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    name : one of VIEWS
+    aspect : float
+        Width / height of the frame.
+    frames : int
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    """
     camera = view(mesh, name, aspect)
     if name in ANGLES:
         positions = _head(mesh.positions_mm[np.unique(mesh.faces)])
@@ -140,7 +154,7 @@ def turntable(mesh: SkinMesh, name: str, aspect: float, frames: int) -> list[Cam
 
 
 def _head(positions: Float) -> Float:
-    """Head and neck of a bust: shoulders would make the face small."""
+    """Positions (n, 3) of head and neck of a bust: shoulders would make the face small."""
     low, high = positions.min(0), positions.max(0)
     if not 150 < np.linalg.norm(high - low) < 1200:
         return positions
@@ -150,7 +164,7 @@ def _head(positions: Float) -> Float:
 
 
 def _fitted(positions: Float, camera: Camera, aspect: float) -> Camera:
-    """The nearest distance from which every point is in the frame, centred on what is seen."""
+    """Camera centred on what is seen, at the least distance from which every point is in the frame."""
     axes = camera.pose[:3, :3]
     seen = (positions - camera.target_mm) @ axes  # right, up, towards the camera
     centre = (seen.min(0) + seen.max(0)) / 2
@@ -159,7 +173,7 @@ def _fitted(positions: Float, camera: Camera, aspect: float) -> Camera:
 
 
 def _distance(positions: Float, camera: Camera, aspect: float) -> float:
-    """From where every point is in the frame, the target staying in its middle."""
+    """Least distance from which every point is in the frame, the target staying in its middle, mm."""
     seen = (positions - camera.target_mm) @ camera.pose[:3, :3]
     slope = np.tan(np.radians(camera.yfov_deg) / 2) / MARGIN
     reach = np.maximum(np.abs(seen[:, 1]), np.abs(seen[:, 0]) / aspect) / slope

@@ -1,4 +1,4 @@
-"""What the window's keys do, without the window."""
+"""Effects of the window's keys, without the window."""
 
 from __future__ import annotations
 
@@ -27,17 +27,21 @@ HELP = (
 
 @dataclass(frozen=True)
 class Controls:
-    """All that a key can change, but the camera.
+    """State that keys can change; the camera is apart.
 
     Attributes
     ----------
     lights : tuple of LightSpec
-        Where they are now.
-    gains : tuple of float
-        By light.
+        As they stand now.
+    gains : tuple of ndarray of shape (3,)
+        Factor on each light.
+    mode : Mode
+    exposure : float
+        Stops.
     selected : int
         The light that keys act on.
     solo, help : bool
+        Whether the selected light is shown alone, and the help is shown.
     moved : frozenset of str
         Lights that are no longer where their diffuse part was baked.
     """
@@ -61,7 +65,16 @@ class Controls:
 
 
 def press(controls: Controls, start: Controls, scene: PreviewScene, key: str) -> Controls:
-    """Controls after a key; `start` is what R goes back to. A key without a meaning changes nothing."""
+    """Controls after a key; a key without a meaning changes nothing.
+
+    Parameters
+    ----------
+    controls : Controls
+    start : Controls
+        What R goes back to.
+    scene : PreviewScene
+    key : str
+    """
     modes = {"F": Mode("full"), "D": Mode("diffuse"), "S": Mode("specular"), "N": Mode("none")}
     if key in modes:
         return replace(controls, mode=modes[key])
@@ -88,7 +101,7 @@ def press(controls: Controls, start: Controls, scene: PreviewScene, key: str) ->
 
 
 def _turned(controls: Controls, start: Controls, scene: PreviewScene, degrees: float) -> Controls:
-    """The selected light carried about the head's upright axis."""
+    """Controls with the selected light carried about the head's upright axis."""
     index = controls.selected
     low, high = scene.mesh.positions_mm.min(0), scene.mesh.positions_mm.max(0)
     light = turned_light(controls.lights[index], degrees, (low + high) / 2)
@@ -101,11 +114,19 @@ def _turned(controls: Controls, start: Controls, scene: PreviewScene, degrees: f
 
 
 def turned_light(light: LightSpec, degrees: float, about_mm: Float) -> LightSpec:
-    """A light carried about the upright axis through a point; an environment stays, its picture is not in a bake."""
+    """Light carried about the upright axis through a point. An environment stays: a bake does not hold its picture.
+
+    Parameters
+    ----------
+    light : LightSpec
+    degrees : float
+    about_mm : ndarray of shape (3,)
+    """
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
     def vector(name: str) -> tuple[float, ...]:
+        """A vector of the light, turned."""
         return tuple(float(x) for x in turn @ np.array(getattr(light, name), float))
 
     if isinstance(light, EnvironmentLight):
@@ -122,13 +143,21 @@ def turned_light(light: LightSpec, degrees: float, about_mm: Float) -> LightSpec
 
 
 def _place(light: LightSpec) -> Float:
+    """Direction or position of a light, by which it is told whether it was moved, shape (3,)."""
     if isinstance(light, EnvironmentLight):
         return np.zeros(3)
     return np.array(light.direction if isinstance(light, DirectionalLight) else light.position_mm, dtype=np.float64)
 
 
 def overlay(controls: Controls, scene: PreviewScene, frames_per_second: float) -> list[str]:
-    """Lines of text over the picture."""
+    """Lines of text over the picture: what is shown, how fast, the lights, and the help if asked for.
+
+    Parameters
+    ----------
+    controls : Controls
+    scene : PreviewScene
+    frames_per_second : float
+    """
     names = {
         "full": "everything",
         "diffuse": "diffuse only",
@@ -148,6 +177,7 @@ def overlay(controls: Controls, scene: PreviewScene, frames_per_second: float) -
 
 
 def _light_lines(controls: Controls, scene: PreviewScene) -> Sequence[str]:
+    """A line for each light: its gain, and whether it was moved."""
     lines = []
     for i, light in enumerate(controls.lights):
         mark = ">" if i == controls.selected else " "

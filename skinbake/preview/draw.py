@@ -19,7 +19,7 @@ Plane = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class GeometryBuffer:
-    """What each pixel shows, from the same raster pass as the picture; zero where it shows nothing.
+    """Surface that each pixel shows, from the same raster pass as the picture; zero where it shows nothing.
 
     Attributes
     ----------
@@ -55,12 +55,22 @@ class PreviewImage:
     geometry: GeometryBuffer | None = None
 
     def over(self, background_rgb: tuple[float, float, float]) -> Plane:
-        """The picture before a background, (H, W, 3), linear."""
+        """Picture before a background, (H, W, 3), linear."""
         return self.rgba[..., :3] + (1 - self.rgba[..., 3:]) * np.asarray(background_rgb, np.float32)
 
 
 class OffscreenRenderer:
-    """A scene on the graphics card, for any number of pictures; a context manager."""
+    """Renderer of one scene without a window, for any number of pictures; a context manager.
+
+    Parameters
+    ----------
+    scene : PreviewScene
+
+    Raises
+    ------
+    MachineError
+        Without OpenGL, or without room on the graphics card.
+    """
 
     def __init__(self, scene: PreviewScene) -> None:
         self.scene = scene
@@ -102,6 +112,8 @@ class OffscreenRenderer:
         ------
         InputError
             A gain for a light that the scene does not have.
+        ValueError
+            If the geometry buffer is asked for with another `supersample`.
         """
         if geometry and supersample != 1:
             raise ValueError(f"geometry: expected supersample 1, got {supersample}")
@@ -124,7 +136,14 @@ class OffscreenRenderer:
         return PreviewImage(rgba, _geometry([target.read(i) for i in range(1, want[2])]) if geometry else None)
 
     def set_scene(self, scene: PreviewScene) -> None:
-        """Draw this one from now on: of the same mesh, which may have been made ready while textures were computed."""
+        """Draw another scene of the same mesh from now on, so that the mesh can be made ready while textures are
+        computed.
+
+        Raises
+        ------
+        ValueError
+            If the mesh or the tiles differ.
+        """
         self._platform.make_current()
         self._renderer.set_scene(scene)
         self.scene = scene
@@ -137,7 +156,7 @@ class OffscreenRenderer:
         return str(GL.glGetString(GL.GL_RENDERER).decode())
 
     def close(self) -> None:
-        """Free the graphics card."""
+        """Free what the graphics card holds."""
         self._platform.make_current()
         self._renderer.delete()
         release_context(self._platform)
@@ -158,13 +177,25 @@ def draw(
     supersample: int = 2,
     geometry: bool = False,
 ) -> PreviewImage:
-    """One picture of `scene`; see `OffscreenRenderer.draw`. For several, keep one renderer: textures are
-    then sent once."""
+    """Draw one picture of a scene. For several, keep one `OffscreenRenderer`: the textures are then sent once.
+
+    Parameters
+    ----------
+    scene : PreviewScene
+    camera, size, mode, light_gains, supersample, geometry
+        As `OffscreenRenderer.draw`.
+
+    Raises
+    ------
+    InputError, MachineError, ValueError
+        As `OffscreenRenderer` and its `draw`.
+    """
     with OffscreenRenderer(scene) as renderer:
         return renderer.draw(camera, size, mode, light_gains, supersample, geometry)
 
 
 def _geometry(planes: list[Plane]) -> GeometryBuffer:
+    """Geometry buffer from the attachments' planes, (H, W, 4) each."""
     position, normal, tangent, uv = planes
     return GeometryBuffer(
         position[..., :3], normal[..., :3], tangent, uv[..., :2], np.rint(position[..., 3]).astype(np.int32)

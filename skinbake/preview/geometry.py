@@ -1,4 +1,4 @@
-"""Vertex buffers: a SkinMesh, split where its UVs or normals split, one set a UDIM tile."""
+"""Vertex buffers of a SkinMesh, split where its UVs or normals split, one set a UDIM tile."""
 
 from __future__ import annotations
 
@@ -16,7 +16,17 @@ from skinbake.scene.mesh import SkinMesh
 
 @dataclass(frozen=True)
 class VertexBuffers:
-    """What the graphics card gets for one tile; `uv` is within the tile, `tangent` has the bitangent's sign in w."""
+    """Arrays that the graphics card gets for one tile.
+
+    Attributes
+    ----------
+    position_mm, normal : ndarray of shape (N, 3)
+    tangent : ndarray of shape (N, 4)
+        w is the bitangent's sign.
+    uv : ndarray of shape (N, 2)
+        Within the tile.
+    faces : ndarray of shape (F, 3)
+    """
 
     position_mm: NDArray[np.float32]  # (N, 3)
     normal: NDArray[np.float32]  # (N, 3)
@@ -26,7 +36,7 @@ class VertexBuffers:
 
 
 def vertex_buffers(mesh: SkinMesh, tiles: tuple[int, ...]) -> dict[int, VertexBuffers]:
-    """Buffers of every tile that has faces.
+    """Buffers by tile, for every tile that has faces.
 
     Parameters
     ----------
@@ -45,6 +55,7 @@ def vertex_buffers(mesh: SkinMesh, tiles: tuple[int, ...]) -> dict[int, VertexBu
 
 
 def _buffers(mesh: SkinMesh, faces: NDArray[np.intp], tile: int) -> VertexBuffers:
+    """Buffers of one tile's faces."""
     uv = mesh.corner_uv[faces] - tile_origin(tile)
     side = np.where(signed_uv_area(mesh)[faces] < 0, -1.0, 1.0)
 
@@ -68,10 +79,26 @@ def _buffers(mesh: SkinMesh, faces: NDArray[np.intp], tile: int) -> VertexBuffer
 
 @njit(cache=True, nogil=True)
 def _distinct(owner: NDArray[np.int32], split: Float, owners: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Corners that differ from all before them in owner or split, and for every corner the number of the one it equals.
+    """Distinct corners, and for every corner the number of the one it equals.
 
     Each owner has a chain of its distinct corners, the last one first; chains are short, which makes this a hundred
     times as fast as sorting.
+
+    Parameters
+    ----------
+    owner : ndarray of shape (n,)
+        Vertex of each corner.
+    split : ndarray of shape (n, k)
+        What else corners of one vertex may differ in.
+    owners : int
+        Number of vertices.
+
+    Returns
+    -------
+    first : ndarray of shape (N,)
+        Corners that differ from all before them in owner or split.
+    number : ndarray of shape (n,)
+        Place in `first` of the corner that each one equals.
     """
     first, number = np.empty(len(owner), np.intp), np.empty(len(owner), np.intp)
     last, before = np.full(owners, -1, np.intp), np.empty(len(owner), np.intp)

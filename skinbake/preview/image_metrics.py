@@ -1,4 +1,4 @@
-"""How different two previews look to a person."""
+"""Perceptual difference of two previews."""
 
 from __future__ import annotations
 
@@ -17,6 +17,11 @@ def image_similarity(picture: NDArray[np.float32], wanted: NDArray[np.float32]) 
 
     FLIP is 0 for equal pictures and NaN where flip-evaluator (the extra `dev`) is not installed; SSIM is 1 for equal
     pictures, taken on the sRGB luminance after the preview's own tone mapping.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ.
     """
     if picture.shape != wanted.shape:
         raise ValueError(f"image_similarity: expected pictures of one shape, got {picture.shape} and {wanted.shape}")
@@ -27,6 +32,7 @@ def image_similarity(picture: NDArray[np.float32], wanted: NDArray[np.float32]) 
 
 
 def _flip(picture: NDArray[np.float32], wanted: NDArray[np.float32]) -> float:
+    """Mean HDR-FLIP, NaN where its library is not installed."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # raised while its compiled types are imported
         try:

@@ -1,7 +1,7 @@
 """Lobes with their lights already summed: a frame then reads six textures instead of eighteen.
 
-Summed again only when a gain changes, which costs a graphics card nothing and a software rasteriser some tenths of a
-second for six lobes of 2048^2.
+They are summed again only when a gain changes, which costs a graphics card nothing and a software rasteriser some
+tenths of a second for six lobes of 2048^2.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Program = Callable[[str, str, Mapping[str, str]], Any]
 
 
 class SummedLobes:
-    """One texture a lobe and tile, RGBA32F (a texture that can be drawn into must have alpha)."""
+    """Textures of summed lights, one a lobe and tile, RGBA32F (a texture that can be drawn into must have alpha)."""
 
     def __init__(self) -> None:
         self._textures: dict[tuple[int, str], int] = {}
@@ -28,11 +28,19 @@ class SummedLobes:
         self._vertices = int(GL.glGenVertexArrays(1))
 
     def samplers(self, tile: int) -> dict[str, int]:
-        """Texture by the name of its sampler."""
+        """Texture of each sampler by its name."""
         return {name: texture for (owner, name), texture in self._textures.items() if owner == tile}
 
     def update(self, tiles: Mapping[int, TileTextures], gains_rgb: Float, program: Program) -> None:
-        """Sum anew if the gains have changed; leaves the frame buffer and the viewport changed."""
+        """Sum anew if the gains have changed; leaves the frame buffer and the viewport changed.
+
+        Parameters
+        ----------
+        tiles : mapping of tile to TileTextures
+        gains_rgb : ndarray of shape (L, 3)
+        program : callable
+            Gives a shader program for a vertex shader, a fragment shader and defines.
+        """
         if self._gains == gains_rgb.tobytes():
             return
         shader = program("screen.vert", "light_sum.frag", {"N_LAYERS": str(len(gains_rgb))})
@@ -59,7 +67,7 @@ class SummedLobes:
         self._gains = gains_rgb.tobytes()
 
     def delete(self) -> None:
-        """Free it."""
+        """Free the textures."""
         if self._textures:
             GL.glDeleteTextures(list(self._textures.values()))
         GL.glDeleteFramebuffers(1, [self._framebuffer])

@@ -1,4 +1,4 @@
-"""What the picture shows: all of it, or one part."""
+"""Modes of the preview: the whole picture, or one part of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ NAMES = ("full", "diffuse", "specular", "none")
 
 @dataclass(frozen=True)
 class Mode:
-    """One way to look at a bake.
+    """Part of a bake that the picture shows.
 
     Attributes
     ----------

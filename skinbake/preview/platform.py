@@ -1,4 +1,4 @@
-"""Choose how OpenGL is reached, before pyrender (and with it PyOpenGL) is imported for the first time."""
+"""Choice of the OpenGL platform, before pyrender (and with it PyOpenGL) is imported for the first time."""
 
 from __future__ import annotations
 
@@ -22,18 +22,12 @@ def has_display() -> bool:
 
 
 def any_thread() -> bool:
-    """Whether a thread of its own may do all the drawing: a hidden window, as elsewhere, wants the main one."""
+    """Whether a thread of its own may do all the drawing; where a hidden window is needed, the main thread has to."""
     return sys.platform.startswith("linux")
 
 
 def choose_headless() -> str:
-    """Set PYOPENGL_PLATFORM to `egl`, else to `osmesa`; a platform already chosen by the user stays.
-
-    Raises
-    ------
-    MachineError
-        Neither library is there.
-    """
+    """Set PYOPENGL_PLATFORM to `egl`, else to `osmesa`; a platform that the user chose already stays."""
     if not sys.platform.startswith("linux"):
         return "pyglet"  # a hidden window: neither library exists there
     chosen = os.environ.get("PYOPENGL_PLATFORM")
@@ -74,10 +68,7 @@ def headless_context() -> Any:
 
 
 def release_context(platform: Any) -> None:
-    """Free a context that must be current.
-
-    pyrender's own `delete_context` would end the whole EGL display, and with it every other context on the device.
-    """
+    """Free a platform's context, which must be current."""
     if getattr(platform, "_egl_context", None) is None:
         platform.delete_context()
         return

@@ -35,7 +35,7 @@ GBUFFER_ATTACHMENTS = 5
 
 
 class SkinRenderer(Renderer):
-    """Draws one PreviewScene; needs a current OpenGL context for all its life.
+    """Renderer of one PreviewScene; needs a current OpenGL context for all its life.
 
     Attributes
     ----------
@@ -48,6 +48,11 @@ class SkinRenderer(Renderer):
         Where frames go; set before the first frame.
     fold : bool
         Sum each lobe's lights once and not in every frame: faster from the second or third frame on.
+
+    Raises
+    ------
+    MachineError
+        If the lobes need more texture units than there are.
     """
 
     def __init__(self, scene: PreviewScene) -> None:
@@ -70,6 +75,7 @@ class SkinRenderer(Renderer):
         self._program_cache = ShaderProgramCache()
 
     def _check_units(self) -> None:
+        """Refuse more lobes than this OpenGL has texture units for."""
         needed, units = len(self.skin.lobes) + 7, int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_IMAGE_UNITS))
         if needed > units:
             raise MachineError(
@@ -78,6 +84,7 @@ class SkinRenderer(Renderer):
             )
 
     def _scene_graph(self) -> pyrender.Scene:
+        """pyrender's scene: a mesh a tile, and one camera."""
         graph = pyrender.Scene(bg_color=np.zeros(4), ambient_light=np.zeros(3))
         for tile, buffers in vertex_buffers(self.skin.mesh, self.skin.tiles).items():
             primitive = pyrender.Primitive(
@@ -109,7 +116,13 @@ class SkinRenderer(Renderer):
         self.render(self.graph, RenderFlags.OFFSCREEN)
 
     def set_scene(self, scene: PreviewScene) -> None:
-        """Draw this one from now on, with other textures on the same mesh."""
+        """Draw another scene from now on, with other textures on the same mesh.
+
+        Raises
+        ------
+        ValueError
+            If the mesh or the tiles differ.
+        """
         if scene.mesh is not self.skin.mesh or scene.tiles != self.skin.tiles:
             raise ValueError("set_scene: expected the same mesh and tiles")
         self.skin = scene
@@ -123,14 +136,23 @@ class SkinRenderer(Renderer):
         self._folded = SummedLobes()
 
     def set_lights(self, lights: tuple[LightSpec, ...]) -> None:
-        """Move the specular's lights; what was baked of them stays as it is."""
+        """Move the specular's lights; their baked light stays as it is."""
         self._shader_lights = shader_lights(lights)
 
     def _uses_fold(self) -> bool:
+        """Whether this frame reads lobes whose lights are summed."""
         return self.fold and self.skin.separate and len(self.skin.lights) > 1 and self.mode.name != "none"
 
     def program(self, vertex: str, fragment: str, defines: Mapping[str, str]) -> Any:
-        """One of our shader programs, compiled on first use."""
+        """Shader program from files of `shaders/`, compiled on first use.
+
+        Parameters
+        ----------
+        vertex, fragment : str
+            File names.
+        defines : mapping of str to str
+            Preprocessor symbols.
+        """
         program = self._program_cache.get_program(
             vertex_shader=str(SHADERS / vertex), fragment_shader=str(SHADERS / fragment), defines=dict(defines)
         )
@@ -159,12 +181,13 @@ class SkinRenderer(Renderer):
         return self.program("skin.vert", "skin.frag", self._defines(self._tile_of[primitive]))
 
     def _layer_gains(self) -> Float:
-        """Factor on each layer that the shader reads."""
+        """Factor on each layer that the shader reads, shape (layers, 3)."""
         if self._uses_fold() or (not self.skin.separate and self.mode.name != "none"):
             return np.ones((1, 3))
         return self.gains_rgb
 
     def _defines(self, tile: int) -> dict[str, str]:
+        """Preprocessor symbols of a tile's shader in this mode."""
         lobes = range(len(self.skin.lobes))
         shown = [self.mode.lobe] if self.mode.name == "lobe" else lobes
         terms = [f"lobe_weight[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
@@ -235,13 +258,14 @@ class SkinRenderer(Renderer):
         primitive._unbind()
 
     def _location(self, program: Any, name: str) -> int:
+        """Location of a uniform, looked up once; -1 where this variant of the shader does not use it."""
         key = (program._program_id, name)
         if key not in self._locations:
             self._locations[key] = GL.glGetUniformLocation(program._program_id, name)
         return self._locations[key]
 
     def _set(self, program: Any, name: str, values: Any) -> None:
-        """Set a whole uniform array; one that this variant of the shader does not use is left out."""
+        """Set a whole uniform array; one that this variant of the shader does not use is ignored."""
         location = self._location(program, name)
         if location < 0:
             return

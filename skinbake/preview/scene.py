@@ -1,4 +1,4 @@
-"""PreviewScene: everything that the real-time pass loads, as arrays."""
+"""PreviewScene: the arrays that the real-time pass loads."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Texture = NDArray[np.floating]  # float16 or float32: the graphics card gets it 
 
 @dataclass(frozen=True)
 class PreviewLobe:
-    """One blurred irradiance texture a light.
+    """Blurred irradiance of one Gaussian, or light through thin parts, with a layer a light.
 
     Attributes
     ----------
@@ -86,6 +86,6 @@ class PreviewScene:
 
     @property
     def total_weight_rgb(self) -> NDArray[np.float64]:
-        """Sum of the Gaussians' weights: what `none` reflects where the light arrives."""
+        """Sum of the Gaussians' weights, shape (3,): what mode `none` reflects where the light arrives."""
         weights = [lobe.weight_rgb for lobe in self.lobes if lobe.variance_mm2 is not None]
         return np.sum(weights, axis=0) if weights else np.ones(3)

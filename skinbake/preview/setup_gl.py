@@ -1,7 +1,8 @@
-"""See that headless OpenGL works and install Mesa's EGL where that is permitted: `python -m skinbake.preview.setup_gl`.
+"""Set-up check: does headless OpenGL work? If not, Mesa's EGL is installed where that is permitted.
 
-Runs at set-up, before anything is baked, so that a missing system library shows up in the first minute. `make test`
-runs it with `xvfb`: the window's tests need a display, if only one in memory, and are skipped without.
+Run by `python -m skinbake.preview.setup_gl` before anything is baked, so that a missing system library shows up in the
+first minute. `make test` runs it with `xvfb`: the window's tests need a display, if only one in memory, and are skipped
+without.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def renderer_name() -> str | None:
 
 
 def install_commands(packages: dict[str, list[str]]) -> list[list[str]]:
-    """What to run on this system, in order; empty for a system whose package manager we do not know."""
+    """Commands that install packages on this system, in order; empty where the package manager is not known."""
     for manager, verb in MANAGERS.items():
         if shutil.which(manager):
             first = [[manager, "update"]] if manager in ("apt-get", "apk") else []
@@ -76,7 +77,7 @@ def install(packages: dict[str, list[str]], missing: str) -> None:
 
 
 def by_hand(packages: dict[str, list[str]], otherwise: str) -> str:
-    """What a person has to type, a line a command."""
+    """Commands for a person to type, one a line."""
     sudo = "" if _is_root() else "sudo "
     commands = install_commands(packages) or [["<your package manager>", "install", otherwise]]
     return "\n".join("    " + sudo + " ".join(command) for command in commands)
@@ -87,7 +88,7 @@ def _is_root() -> bool:
 
 
 def see_to_gl() -> int:
-    """Probe, install where permitted, probe again; 0 when OpenGL works, 3 when somebody must help."""
+    """Probe OpenGL, install it where permitted, probe again; 0 when it works, 3 when somebody must help."""
     name = renderer_name()
     if name is None:
         install(MESA, "headless OpenGL (Mesa's EGL)")

@@ -18,19 +18,20 @@ _UP = (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True)
 class ShaderLight:
-    """One thing the oil layer mirrors.
+    """One source that the oil layer mirrors.
 
     Attributes
     ----------
     kind : int
+        DIRECTIONAL, POINT, SPOT, FACET or ENVIRONMENT.
     light : int
-        Which light of the look it belongs to.
+        Index of the look's light.
     at : ndarray of shape (3,)
-        Position in mm, or the unit vector towards a directional light.
+        Unit direction to a directional light, else position in mm.
     axis : ndarray of shape (3,)
         Where a spot or a facet points.
     cosines : tuple of 2 floats
-        Of a spot's outer and inner angle.
+        Cosines of a spot's outer and inner angle.
     color_rgb : ndarray of shape (3,)
         Irradiance facing it, or intensity in W/sr; for an environment the factor on what it gives to each texel.
     """
@@ -44,7 +45,7 @@ class ShaderLight:
 
 
 def shader_lights(lights: Sequence[LightSpec]) -> tuple[ShaderLight, ...]:
-    """What the specular pass evaluates for each light.
+    """Sources that the specular pass evaluates for the look's lights.
 
     Directional, point and spot lights are themselves. A rectangle is four points at the centres of its quarters, each
     with a quarter of its power: good where it is far compared to its size, or the skin rough. An environment is

@@ -1,4 +1,4 @@
-"""A frame buffer of floats; pyrender's own has 8 bits."""
+"""Frame buffer of floats; pyrender's own has 8 bits."""
 
 from __future__ import annotations
 
@@ -23,6 +23,11 @@ class FloatTarget:
         Lowered to what the driver has.
     half : bool
         16-bit floats, for frames that only a screen sees.
+
+    Raises
+    ------
+    MachineError
+        If the picture is too large for this OpenGL, or it has no float frame buffer.
     """
 
     def __init__(self, width: int, height: int, attachments: int = 1, samples: int = 1, half: bool = False) -> None:
@@ -40,6 +45,7 @@ class FloatTarget:
         self.framebuffer = self._resolved if self.samples <= 1 else self._framebuffer(self.samples, attachments, False)
 
     def _color_texture(self) -> int:
+        """Texture that the first attachment is resolved into."""
         texture = int(GL.glGenTextures(1))
         GL.glBindTexture(GL.GL_TEXTURE_2D, texture)
         for name in (GL.GL_TEXTURE_MIN_FILTER, GL.GL_TEXTURE_MAG_FILTER):
@@ -48,6 +54,7 @@ class FloatTarget:
         return texture
 
     def _framebuffer(self, samples: int, attachments: int, textured: bool) -> int:
+        """Frame buffer with `attachments` and depth, its first attachment the texture if `textured`."""
         framebuffer = int(GL.glGenFramebuffers(1))
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, framebuffer)
         for i in range(attachments):
@@ -65,6 +72,7 @@ class FloatTarget:
         return framebuffer
 
     def _renderbuffer(self, form: int, samples: int) -> int:
+        """Render buffer of a format, with `samples` a pixel."""
         buffer = int(GL.glGenRenderbuffers(1))
         self._renderbuffers.append(buffer)
         GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
@@ -75,7 +83,7 @@ class FloatTarget:
         return buffer
 
     def bind(self) -> None:
-        """Draw here from now on."""
+        """Make this the buffer that is drawn into."""
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self.framebuffer)
 
     def resolve(self) -> None:
@@ -87,7 +95,7 @@ class FloatTarget:
             GL.glBlitFramebuffer(*box, *box, GL.GL_COLOR_BUFFER_BIT, GL.GL_NEAREST)
 
     def read(self, attachment: int = 0, box: int = 1) -> NDArray[np.float32]:
-        """A color attachment, shape (height / box, width / box, 4), row 0 at the top: means of box x box points.
+        """Means of box x box points of a color attachment, shape (height / box, width / box, 4), row 0 at the top.
 
         Some rows at a time, so that what is averaged is not in memory as a whole.
         """
@@ -105,7 +113,7 @@ class FloatTarget:
         return image
 
     def delete(self) -> None:
-        """Free it."""
+        """Free the buffers and the texture."""
         GL.glDeleteFramebuffers(1, [self.framebuffer])
         if self.framebuffer != self._resolved:
             GL.glDeleteFramebuffers(1, [self._resolved])
@@ -114,7 +122,7 @@ class FloatTarget:
 
 
 def _mean(points: NDArray[np.float32], box: int) -> NDArray[np.floating]:
-    """Of box x box points, a row of points at a time so that the sum's order is fixed."""
+    """Means of box x box points (h, w, 4), a row of points at a time so that the sum's order is fixed."""
     if box == 1:
         return points
     split = points.reshape(len(points) // box, box, -1, box, 4)

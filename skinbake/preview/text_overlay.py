@@ -20,7 +20,7 @@ MARGIN_PIXELS = 12
 
 
 def overlay_text(lines: Sequence[str], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Text on a plate, shape (height, width, 2), 0 ... 255: ink, and plate that darkens what lies behind.
+    """Text on a plate, shape (height, width, 2), 0 ... 255: the ink, and the plate that darkens what lies behind.
 
     `size` is (width, height); row 0 is at the top.
     """

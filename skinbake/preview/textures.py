@@ -29,9 +29,11 @@ _INTERNAL = {
 
 
 def upload(image: NDArray[np.floating]) -> int:
-    """Make an array texture; single images have one layer, for a program may not mix kinds of samplers while unbound.
+    """Send an image to the graphics card as an array texture; its OpenGL name.
 
-    What the driver does not take is halved until it does: a preview of a huge bake is better than none.
+    Single images have one layer, for a program may not mix kinds of samplers while unbound. What the driver does not
+    take
+    is halved until it does: a preview of a huge bake is better than none.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ def upload(image: NDArray[np.floating]) -> int:
 
 
 def _send(image: NDArray[np.floating], dtype: str) -> None:
-    """Pixels of the texture that is bound."""
+    """Fill the bound texture with pixels (L, h, w, k)."""
     layers, height, width, channels = image.shape
     GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
     kind = GL.GL_HALF_FLOAT if dtype == "float16" else GL.GL_FLOAT
@@ -92,6 +94,7 @@ def blank(width: int, height: int) -> int:
 
 
 def _bilinear_texture() -> int:
+    """Bind a new array texture, read bilinearly and clamped at its edges."""
     texture = int(GL.glGenTextures(1))
     GL.glBindTexture(GL.GL_TEXTURE_2D_ARRAY, texture)
     for name, value in (
@@ -134,7 +137,7 @@ class TileTextures:
         self.has_normal_map = tile in maps.normal
 
     def texture(self, name: str) -> int:
-        """The texture of a sampler; sending it binds it to the active unit."""
+        """OpenGL name of a sampler's texture; sending it binds it to the active unit."""
         if name in self._shared:
             return self._shared[name]
         if name not in self._own:
@@ -142,15 +145,16 @@ class TileTextures:
         return self._own[name]
 
     def delete(self) -> None:
-        """Free what this tile alone holds."""
+        """Free the textures that only this tile uses."""
         GL.glDeleteTextures(list(self._own.values()))
         self._own = {}
 
 
 def upload_oil_albedo() -> int:
-    """The table of the oil layer's albedo; row = cosine, column = roughness."""
+    """Send the table of the oil layer's albedo; row = cosine, column = roughness."""
     return upload(specular_albedo_table()[None])
 
 
 def _constant(rgb: Sequence[float]) -> NDArray[np.float32]:
+    """A colour as an image of one texel, (1, 1, 3)."""
     return np.asarray(rgb, np.float32).reshape(1, 1, 3)

@@ -1,4 +1,4 @@
-"""From linear light to the display: exposure, a view transform that keeps the hue of skin, exact sRGB."""
+"""Linear light to display values: exposure, a view transform that keeps the hue of skin, exact sRGB [IEC61966]."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def srgb_encode(linear: ArrayLike) -> Float:
 
 
 def roll_off(linear: ArrayLike) -> Float:
-    """Compress highlights into 0 ... 1, shape (..., 3).
+    """Linear colours with their highlights compressed into 0 ... 1, shape (..., 3).
 
     The largest channel alone is bent, by a curve of slope 1 at the knee that tends to 1, and the others keep their
     ratio to it: bending each channel by itself would turn bright skin yellow. What is far brighter than the display

@@ -1,4 +1,4 @@
-"""Which pictures to take, and their development into 8 bits."""
+"""Views to render, and their tone mapping to 8 bits."""
 
 from __future__ import annotations
 
@@ -16,14 +16,29 @@ from skinbake.scene.mesh import SkinMesh
 
 @dataclass(frozen=True)
 class View:
-    """A camera with a name for its file."""
+    """Camera with a name for its file."""
 
     name: str
     camera: Camera
 
 
 def plan_views(mesh: SkinMesh, views: Sequence[str], frames: int | None, aspect: float) -> list[View]:
-    """One shot a view, or `frames` of them once around the head from each view."""
+    """Views to render: one a name, or `frames` of them once around the head from each.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    views : sequence of str
+        Names, as `camera.VIEWS`.
+    frames : int, optional
+    aspect : float
+        Width / height of the frame.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    """
     if not frames:
         return [View(name, view(mesh, name, aspect)) for name in views]
     prefix = "{}_" if len(views) > 1 else ""
@@ -35,10 +50,24 @@ def plan_views(mesh: SkinMesh, views: Sequence[str], frames: int | None, aspect:
 
 
 def side_by_side(frames: Sequence[PreviewImage]) -> PreviewImage:
-    """Frames of one height from left to right."""
+    """One frame of several of the same height, from left to right."""
     return PreviewImage(np.concatenate([frame.rgba for frame in frames], axis=1))
 
 
 def tone_map(image: PreviewImage, background_rgb: tuple[float, float, float], exposure: float) -> NDArray[np.uint8]:
-    """8-bit sRGB before a background; exposure moves the skin, not the background."""
+    """Picture before a background as 8-bit sRGB, (H, W, 3). Exposure changes the skin, not the background.
+
+    Parameters
+    ----------
+    image : PreviewImage
+    background_rgb : tuple of 3 floats
+        Linear.
+    exposure : float
+        Stops.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite.
+    """
     return tonemap(image.over(tuple(np.asarray(background_rgb) / 2.0**exposure)), exposure)

@@ -37,6 +37,18 @@ def show(
 ) -> None:
     """Open the window and stay until it is closed.
 
+    Parameters
+    ----------
+    scene : PreviewScene
+    look : PreviewSpec
+    size : (width, height), optional
+        In place of the look's.
+    mode : str
+        As `parse_mode`.
+    light_gains : mapping of light name to float or RGB
+    exposure : float, optional
+        Stops, in place of the look's.
+
     Raises
     ------
     MachineError
@@ -48,7 +60,7 @@ def show(
 
 
 class PreviewWindow:
-    """One window on one scene; frames are drawn when something has changed."""
+    """Window on one scene; frames are drawn when something has changed. Parameters as `show`."""
 
     def __init__(
         self,
@@ -78,6 +90,7 @@ class PreviewWindow:
         self._text: int | None = None
 
     def _open(self, width: int, height: int) -> Any:
+        """pyglet's window with an OpenGL 3.3 context and our handlers."""
         if sys.platform.startswith("linux") and "OpenGL" not in sys.modules:
             os.environ["PYOPENGL_PLATFORM"] = "glx"  # the window's contexts are GLX's
         try:
@@ -105,7 +118,7 @@ class PreviewWindow:
         return window
 
     def run(self) -> None:
-        """Draw and listen until the window is closed."""
+        """Draw and react until the window is closed."""
         import pyglet
 
         try:
@@ -147,7 +160,7 @@ class PreviewWindow:
         self.changed = False
 
     def _display(self, target: FloatTarget) -> None:
-        """From the float target to the screen; shaders/display.frag does what tonemap.py does, and adds the text."""
+        """Draw the float target to the screen; `display.frag` does what `tonemap` does, and adds the text."""
         from OpenGL import GL
 
         from skinbake.preview import tonemap
@@ -173,6 +186,7 @@ class PreviewWindow:
         program._unbind()
 
     def _text_texture(self, target: FloatTarget) -> int:
+        """Texture with the text over the picture."""
         from OpenGL import GL
 
         if self._text is None:
@@ -189,11 +203,11 @@ class PreviewWindow:
 
     @property
     def lines(self) -> list[str]:
-        """The text over the picture."""
+        """Lines of text over the picture."""
         return overlay(self.controls, self.scene, self.fps)
 
     def pixels(self) -> NDArray[np.uint8]:
-        """What the window would show now, (H, W, 3), row 0 at the top."""
+        """Pixels that the window would show now, (H, W, 3), row 0 at the top."""
         from OpenGL import GL
 
         self.frame(flip=False)  # the front buffer cannot be read everywhere
@@ -206,7 +220,7 @@ class PreviewWindow:
         return shown[::-1]
 
     def close(self) -> None:
-        """Free the graphics card and the window."""
+        """Free what the graphics card holds, and close the window."""
         self.window.switch_to()
         self.renderer.delete()
         self.window.close()
