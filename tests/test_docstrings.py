@@ -42,15 +42,15 @@ def is_kernel(function):
     return any(name.split(".")[-1] in ("njit", "jit", "vectorize", "guvectorize") for name in decorators(function))
 
 
-def needs_parameters(function, inside):
-    """Public, three or more to fill, and neither a verb (click shows each option's help) nor an override.
+def is_public(function, inside):
+    """Called from elsewhere. A verb is not: its docstring is the text of --help, and click tells each option."""
+    verb = any(name.endswith((".command", ".group")) for name in decorators(function))
+    return not (inside or function.name.startswith("_") or verb)
 
-    An override, or an inner function, means by its parameters what the one it stands for says of them.
-    """
-    names = decorators(function)
-    verb = any(name.endswith((".command", ".group")) for name in names)
-    override = "override" in [name.split(".")[-1] for name in names]
-    return len(parameters(function)) >= 3 and not (inside or function.name.startswith("_") or verb or override)
+
+def needs_parameters(function, inside):
+    """Public, and with three or more parameters to fill."""
+    return is_public(function, inside) and len(parameters(function)) >= 3
 
 
 def raises_by_itself(function):
@@ -83,6 +83,6 @@ def test_docstrings_keep_the_rules(file):
             broken.append(f"{function.name}: a kernel without a docstring")
         if needs_parameters(function, inside) and "Parameters\n----" not in text:
             broken.append(f"{function.name}: {len(parameters(function))} parameters and no section Parameters")
-        if not (inside or function.name.startswith("_")) and raises_by_itself(function) and "Raises\n----" not in text:
+        if is_public(function, inside) and raises_by_itself(function) and "Raises\n----" not in text:
             broken.append(f"{function.name}: raises and has no section Raises")
     assert broken == []

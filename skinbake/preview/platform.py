@@ -27,7 +27,13 @@ def any_thread() -> bool:
 
 
 def choose_headless() -> str:
-    """Set PYOPENGL_PLATFORM to `egl`, else to `osmesa`; a platform that the user chose already stays."""
+    """Set PYOPENGL_PLATFORM to `egl`, else to `osmesa`; a platform that the user chose already stays.
+
+    Raises
+    ------
+    MachineError
+        Neither library is there.
+    """
     if not sys.platform.startswith("linux"):
         return "pyglet"  # a hidden window: neither library exists there
     chosen = os.environ.get("PYOPENGL_PLATFORM")
@@ -68,7 +74,10 @@ def headless_context() -> Any:
 
 
 def release_context(platform: Any) -> None:
-    """Free a platform's context, which must be current."""
+    """Free a platform's context, which must be current.
+
+    pyrender's own `delete_context` would end the whole EGL display, and with it every other context on the device.
+    """
     if getattr(platform, "_egl_context", None) is None:
         platform.delete_context()
         return
