@@ -33,7 +33,16 @@ def folder_lock(folder: Path | str, say: Callable[[str], None] | None = None) ->
 
 @contextmanager
 def file_lock(path: Path, say: Callable[[str], None] | None = None, name: str = "") -> Iterator[None]:
-    """Hold the lock file `path`, waiting as long as it takes; it is removed at the end."""
+    """Hold the lock file `path`, waiting as long as it takes; it is removed at the end.
+
+    Parameters
+    ----------
+    path : Path
+    say : callable, optional
+        Told what is waited for.
+    name : str
+        Name of the thing locked, in place of the path.
+    """
     descriptor = try_lock(path)
     if descriptor is None:
         if say:
@@ -72,7 +81,7 @@ def try_lock(path: Path, wait: bool = False) -> int | None:
 
 
 def release(path: Path, descriptor: int | None) -> None:
-    """Let go of a lock."""
+    """Release a lock; None is none."""
     if descriptor is None:
         return
     with suppress(OSError):
@@ -82,13 +91,14 @@ def release(path: Path, descriptor: int | None) -> None:
 
 
 def holder(path: Path) -> str:
-    """Who holds a lock, in words."""
+    """Holder of a lock, in words."""
     with suppress(OSError):
         return path.read_text(errors="replace") or "another process"
     return "another process"
 
 
 def _is_open(path: Path, descriptor: int) -> bool:
+    """Whether the file at `path` is the one that is open as `descriptor`."""
     try:
         there, ours = path.stat(), os.fstat(descriptor)
     except FileNotFoundError:
