@@ -96,7 +96,7 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
     Parameters
     ----------
     size : (width, height), optional
-        What the look's texture has.
+        Size of the look's texture.
 
     Raises
     ------

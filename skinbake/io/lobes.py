@@ -64,7 +64,7 @@ def write_lobes(
     ----------
     folder : Path
     result : DiffuseMap
-        Of `StoredLobe`s (`as_stored_lobes`).
+        Its lobes are `StoredLobe`s (`as_stored_lobes`).
     key : str
         Stage key, for every header.
     attributes : mapping
@@ -136,7 +136,7 @@ def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> 
 
 
 def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:
-    """The same, given the first file's header."""
+    """Result without pixels from the first file's header, checked against every file."""
     summary = json.loads(header["skinbake:diffusion"])
     lobes = []
     for entry in summary["lobes"]:  # attributes of the files are float32, these figures are not rounded

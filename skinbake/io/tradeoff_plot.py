@@ -35,7 +35,7 @@ def write_chart(path: Path, title: str, rows: Sequence[Row], clock: str) -> None
     title : str
     rows : sequence of Row
     clock : str
-        Which seconds they are, for the axis.
+        Name of the clock for the axis' label.
 
     Raises
     ------
