@@ -1,4 +1,9 @@
-"""Jobs on several processes of this machine. A job that fails, or whose process is killed, does not stop the others."""
+"""Jobs on several processes of this machine. A job that fails, or whose process is killed, does not stop the others.
+
+Each process has a pipe of its own, shared with nobody. The pools of `pebble` and `concurrent.futures` send jobs and
+results through one pipe with a lock: a process that is killed while it holds that lock (as memory runs out, say) takes
+the jobs of the others with it, after a minute's silence. Nor have they a way for a job to say how far it is.
+"""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
     uv : UvReport
     tiles : int
     variance_mm2 : sequence of float
-        Variance of each lobe.
+        Of the lobes.
     """
     lights, summed = len(spec.lights), spec.output.lights == "total"
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20

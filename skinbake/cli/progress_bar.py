@@ -18,7 +18,7 @@ def counted(total: float, name: str, verbosity: int) -> Iterator[Step]:
     ----------
     total : int
     name : str
-        Name of the things counted.
+        What is counted.
     verbosity : int
         0 shows nothing.
     """

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from skinbake.errors import InputError, MachineError
+
+_TEMPORARY = re.compile(r"\..+\.\d+\.part(\.\w+)?")
 
 
 @contextmanager
@@ -30,6 +33,7 @@ def atomic_write(path: Path | str) -> Iterator[Path]:
     try:
         with explained(path):
             path.parent.mkdir(parents=True, exist_ok=True)
+            temporary.unlink(missing_ok=True)  # a link that somebody put there would lead elsewhere
             yield temporary
             with open(temporary, "rb+") as file:
                 os.fsync(file.fileno())
@@ -39,17 +43,14 @@ def atomic_write(path: Path | str) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def temporary_files(folder: Path) -> list[Path]:
+    """What `atomic_write` names its files in `folder` until they are whole: left behind by writers that were killed."""
+    return [path for path in folder.glob(".*.part*") if _TEMPORARY.fullmatch(path.name)]
+
+
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
-    """Turn the system's errors about `path` into messages that say what to do.
-
-    Raises
-    ------
-    MachineError
-        Disk full.
-    InputError
-        The folder cannot be written to, or a file is in its place.
-    """
+    """Turn the system's errors about `path` into messages that say what to do."""
     try:
         yield
     except OSError as error:
@@ -67,14 +68,12 @@ def explained(path: Path) -> Iterator[None]:
 
 
 def system_error(temporary: Path, said: str) -> OSError:
-    """Error of the system behind a library's complaint that it could not write a file.
+    """The system's error behind what a library said when it could not write a file.
 
     Parameters
     ----------
     temporary : Path
-        As `atomic_write` gave it.
-    said : str
-        The library's message.
+        Of `atomic_write`.
     """
     try:
         with open(temporary, "ab"):

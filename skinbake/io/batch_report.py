@@ -20,7 +20,7 @@ class _Job(Record):
 
 
 class _Report(Record):
-    """Keys that readers of a batch's folder rely on."""
+    """What readers of a batch's folder rely on."""
 
     version: str = "?"
     file: str = "?"

@@ -1,4 +1,4 @@
-"""Cache of stage results by the key of what they read, for every look and every process that names the same folder.
+"""Results of stages by the key of what they read, shared by every look and every process that names the same folder.
 
 An entry appears whole or not at all and is read-only afterwards; a damaged one counts as missing. The oldest read are
 dropped when the folder has grown past its limit.
@@ -20,18 +20,17 @@ from numpy.typing import NDArray
 
 from skinbake.errors import SkinbakeError
 from skinbake.io.atomic import atomic_write
-from skinbake.io.lock import holder, release, try_lock
+from skinbake.io.lock import Lock
 
 Entry = dict[str, NDArray[Any]]
 FOLDER = "SKINBAKE_CACHE"
 GIB = 2**30
 DEFAULT_LIMIT_BYTES = 8 * GIB
-NO_LOCK = -1
 ORPHANED_S = 3600.0  # a temporary file this old has no writer any more
 
 
 class Store(Protocol):
-    """A place that may already hold results of stages."""
+    """Where results of stages may already be."""
 
     def get_many(
         self, keys: Mapping[str, str], make: Callable[[tuple[str, ...]], Mapping[str, Entry]]
@@ -90,27 +89,30 @@ class Cache:
                     arrived |= {name: made[name] for name in missing}
                 found |= arrived
             finally:
-                for name, lock in locks.items():
-                    if lock != NO_LOCK:
-                        release(self._lock_path(keys[name]), lock)
+                for lock in locks.values():
+                    if lock:
+                        lock.release()
             todo = [name for name in todo if name not in found]
             wait = True
         return {name: found[name] for name in keys}
 
-    def _lock(self, keys: Mapping[str, str], wait: bool) -> dict[str, int]:
-        locks = {}
+    def _lock(self, keys: Mapping[str, str], wait: bool) -> dict[str, Lock | None]:
+        """Locks of the keys that nobody else is making, by name; None where the folder cannot be written to."""
+        locks: dict[str, Lock | None] = {}
         for name, key in keys.items():
-            path = self._lock_path(key)
+            lock = Lock(self.folder / "locks" / key)
             try:
-                lock = try_lock(path)
-                if lock is None and wait:
+                ours = lock.acquire()
+                if not ours and wait:
                     if self.say:
-                        self.say(f"{name}: waiting for {holder(path)}, which is making it")
-                    lock = try_lock(path, wait=True)
-            except (SkinbakeError, OSError):  # a cache that cannot be written to keeps nobody from working
-                lock = NO_LOCK
-            if lock is not None:
-                locks[name] = lock
+                        self.say(f"{name}: waiting for {lock.holder()}, which is making it")
+                    ours = lock.acquire(wait=True)
+                if ours:
+                    locks[name] = lock
+            except (SkinbakeError, OSError):
+                if lock.path.is_symlink():
+                    raise
+                locks[name] = None  # a cache that cannot be written to keeps nobody from working
         return locks
 
     def read(self, key: str) -> Entry | None:
@@ -132,14 +134,14 @@ class Cache:
             return None
 
     def write(self, key: str, entry: Entry) -> None:
-        """Store an entry. A cache that cannot be written to is no reason to fail: its content can be made again."""
+        """Store an entry. A cache that cannot be written to is no reason to fail: what it would hold is known."""
         arrays: dict[str, Any] = entry
         with suppress(SkinbakeError, OSError), atomic_write(self.path_of(key)) as temporary:
             np.savez(temporary, **arrays)
         self.prune()
 
     def prune(self) -> None:
-        """Drop the entries read longest ago, until the rest fits, and what killed writers left."""
+        """Drop the entries whose last reading is longest ago, until the rest fits; and what killed writers left."""
         entries = []
         for path in self.folder.rglob("*.npz"):
             with suppress(OSError):
@@ -158,14 +160,11 @@ class Cache:
                 used -= size
 
     def path_of(self, key: str) -> Path:
-        """Path of an entry's file."""
+        """Where an entry is."""
         return self.folder / key[:2] / f"{key[2:]}.npz"
-
-    def _lock_path(self, key: str) -> Path:
-        return self.folder / "locks" / key
 
 
 def cache_folder(default: Path) -> Path:
-    """Folder that the environment's SKINBAKE_CACHE names, else `default`."""
+    """The environment's SKINBAKE_CACHE, else `default`."""
     chosen = os.environ.get(FOLDER)
     return Path(chosen).expanduser().absolute() if chosen else default

@@ -1,4 +1,4 @@
-"""Multi-part EXR files: deterministic bytes, whole or not at all, never NaN or infinity."""
+"""Multi-part EXR files: deterministic bytes, whole or not at all, nothing non-finite."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Part:
 
 
 def rgb_channels(image: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Channels R, G, B of an image (H, W, 3), left together: `write_parts` takes them apart only where it must."""
+    """(H, W, 3) as R, G, B, pixel by pixel as it lies: `write_parts` takes them apart only where it must."""
     return {"RGB": image}
 
 
@@ -50,20 +50,11 @@ def write_parts(
     precision: str = "half",
     compression: str = "zip",
 ) -> None:
-    """Write `parts` as one EXR.
+    """Write `parts` as one EXR with `attributes` in every part's header.
 
     Blocks of rows are compressed on as many threads as numba has; the bytes do not depend on how many. With
     `precision="half"`, a channel whose values pass 65504, or are all so faint that half would lose their digits, is
     written as float instead.
-
-    Parameters
-    ----------
-    path : path
-    parts : sequence of Part
-    attributes : mapping, optional
-        For every part's header.
-    precision : "half" or "float"
-    compression : "none", "rle", "zips", "zip" or "piz"
 
     Raises
     ------
@@ -98,13 +89,7 @@ def write_parts(
 
 
 def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], precision: str) -> dict[str, NDArray[Any]]:
-    """Channels as the file will hold them, contiguous: together if they are of one kind.
-
-    Raises
-    ------
-    InputError
-        A value is NaN or infinite.
-    """
+    """Channels as the file will hold them, contiguous: together if they are of one kind."""
     from skinbake.io.half import as_half
 
     if precision == "half":
@@ -140,7 +125,7 @@ def _keeps_digits(values: NDArray[Any], half: NDArray[np.float16]) -> NDArray[np
 
 
 def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
-    """Values of shape (..., H, W, C) as a file gives them back: each channel rounded as `write_parts` would.
+    """`values` of shape (..., H, W, C) as a file gives them back: each channel rounded as `write_parts` would.
 
     Returns
     -------
@@ -190,15 +175,7 @@ def read_parts(path: Path | str, names: Collection[str] | None = None) -> dict[s
 
 
 def channel_of(path: Path, parts: Mapping[str, Part], part: str, channel: str) -> NDArray[np.floating]:
-    """One channel of the parts of a file, (h, w).
-
-    Parameters
-    ----------
-    path : Path
-        For messages.
-    parts : mapping of name to Part
-        As `read_parts` gives them.
-    part, channel : str
+    """One channel of what `read_parts` gave, (h, w).
 
     Raises
     ------
@@ -234,7 +211,7 @@ def read_attributes(path: Path | str) -> dict[str, dict[str, Any]]:
 
 @contextmanager
 def _undamaged(path: Path | str) -> Iterator[None]:
-    """Turn OpenImageIO's failure to decode a damaged header's names into an InputError."""
+    """Names in a damaged header are not text; OpenImageIO's binding then fails to decode them, or its own message."""
     try:
         yield
     except UnicodeDecodeError as error:
@@ -242,13 +219,6 @@ def _undamaged(path: Path | str) -> Iterator[None]:
 
 
 def _open(path: Path | str) -> Any:
-    """OpenImageIO's reader of an EXR.
-
-    Raises
-    ------
-    InputError
-        The file is missing or is not an EXR.
-    """
     import OpenImageIO as oiio
 
     if not Path(path).is_file():

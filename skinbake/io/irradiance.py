@@ -20,16 +20,7 @@ TOTAL = "irradiance"
 
 
 def tile_path(path: Path, tile: int, udim: bool) -> Path:
-    """Path of a tile's file: `irradiance.exr`, or `irradiance.1002.exr` where there are tiles.
-
-    Parameters
-    ----------
-    path : Path
-        Without a tile.
-    tile : int
-    udim : bool
-        Whether there are tiles.
-    """
+    """`irradiance.exr`, or `irradiance.1002.exr` where there are tiles."""
     return path.with_suffix(f".{tile}{path.suffix}") if udim else path
 
 
@@ -41,24 +32,7 @@ def write_irradiance(
     precision: str,
     compression: str,
 ) -> None:
-    """Write one tile: the total, then each light.
-
-    Parameters
-    ----------
-    path : Path
-    irradiance : IrradianceMap
-    keys : mapping of light name to str
-        Stage key, for the header of its part.
-    attributes : mapping
-        For every part's header.
-    precision, compression : str
-        As `write_parts`.
-
-    Raises
-    ------
-    InputError, MachineError
-        As `write_parts`.
-    """
+    """Write one tile: the total, then each light with its stage key from `keys`."""
     parts = [Part(TOTAL, rgb_channels(irradiance.total) | {"A": irradiance.coverage})]
     for i, name in enumerate(irradiance.lights):
         channels = rgb_channels(irradiance.rgb[i]) | {"visibility": irradiance.visibility[i]}
@@ -73,7 +47,7 @@ def plan_text(lines: tuple[Decision, ...]) -> str:
 
 
 def plan_of_text(text: str) -> tuple[Decision, ...]:
-    """A light's plan from the JSON of `plan_text`."""
+    """The plan again."""
     return tuple(Decision(**line) for line in json.loads(text))
 
 
@@ -96,7 +70,7 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
     Parameters
     ----------
     size : (width, height), optional
-        Size of the look's texture.
+        What the look's texture has.
 
     Raises
     ------

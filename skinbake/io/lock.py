@@ -1,4 +1,9 @@
-"""Locks between processes that share a folder. The system drops a lock when its holder dies: none is ever stale."""
+"""Locks between processes that share a folder. The system drops a lock when its holder dies: none is ever stale.
+
+`filelock` opens, locks and checks the lock file: never through a symbolic link, never one that another process has
+removed meanwhile. Ours on top of it: the holder's name in the file, so that who waits can say for whom; the file gone
+at the end, so that a finished folder holds results only; file systems without locks, where one works without.
+"""
 
 from __future__ import annotations
 
@@ -9,24 +14,97 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from skinbake.io.atomic import explained
+from filelock import FileLock, Timeout
+
+from skinbake.errors import InputError
+from skinbake.io.atomic import explained, temporary_files
 
 LOCK = ".lock"
+POLL_S = 0.02  # a process that waits looks this often
 _UNKNOWN = {errno.ENOTSUP, errno.ENOLCK, errno.ENOSYS}  # file systems without locks
+
+
+class Lock:
+    """A lock on one file, held by one thread of one process at a time.
+
+    Parameters
+    ----------
+    path : Path
+        The lock file; its folder is made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file: tuple[int, int] | None = None
+        self._lock = FileLock(path, poll_interval=POLL_S, on_acquired=self._sign)
+
+    def acquire(self, wait: bool = False) -> bool:
+        """Lock the file; False where another one holds it, or with `wait` once that one is gone, however long it takes.
+
+        Raises
+        ------
+        InputError
+            The lock file is a symbolic link, or its folder cannot be written to.
+        MachineError
+            Disk full.
+        """
+        try:
+            with explained(self.path):
+                self._lock.acquire(blocking=wait)
+        except Timeout:
+            return False
+        except OSError as error:
+            if error.errno == errno.ELOOP:
+                raise InputError(
+                    f"{self.path}: expected a lock file, got a symbolic link, which is not followed; remove it"
+                ) from error
+            if error.errno not in _UNKNOWN:
+                raise
+            self._file = _identity(os.lstat(self.path))
+        return True
+
+    def release(self) -> None:
+        """Let go of the lock and remove its file, unless somebody put another one in its place."""
+        with suppress(OSError):
+            if self._file is not None and _identity(os.lstat(self.path)) == self._file:
+                self.path.unlink()
+        self._file = None
+        self._lock.release()
+
+    def holder(self) -> str:
+        """Who holds the lock, in words."""
+        try:
+            descriptor = os.open(self.path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+            with open(descriptor, errors="replace") as file:
+                name = file.read(200)
+        except OSError:
+            name = ""
+        return (name or "another process") + _state(name)
+
+    def _sign(self, descriptor: int) -> None:
+        self._file = _identity(os.fstat(descriptor))
+        with suppress(OSError):  # a full disk: the lock holds without a name in it
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, f"process {os.getpid()} on {platform.node()}".encode(), 0)
 
 
 @contextmanager
 def folder_lock(folder: Path | str, say: Callable[[str], None] | None = None) -> Iterator[None]:
     """Hold `folder` for one writer, waiting for another one to end; remove what a killed one left half-written.
 
+    Parameters
+    ----------
+    say : callable, optional
+        Told for whom it waits.
+
     Raises
     ------
     InputError
-        The folder cannot be written to.
+        The folder cannot be written to, or its lock file is a symbolic link.
     """
     folder = Path(folder)
     with file_lock(folder / LOCK, say=say, name=str(folder)):
-        for left in folder.glob(".*.part*"):  # nobody else writes here now
+        for left in temporary_files(folder):  # nobody else writes here now
             left.unlink(missing_ok=True)
         yield
 
@@ -37,70 +115,36 @@ def file_lock(path: Path, say: Callable[[str], None] | None = None, name: str = 
 
     Parameters
     ----------
-    path : Path
     say : callable, optional
-        Told what is waited for.
+        Told for whom it waits.
     name : str
-        Name of the thing locked, in place of the path.
+        What is waited for, where that is not the lock file.
+
+    Raises
+    ------
+    InputError
+        The lock file is a symbolic link, or its folder cannot be written to.
     """
-    descriptor = try_lock(path)
-    if descriptor is None:
+    lock = Lock(path)
+    if not lock.acquire():
         if say:
-            say(f"{name or path}: waiting for {holder(path)} to finish with it")
-        descriptor = try_lock(path, wait=True)
+            say(f"{name or path}: waiting for {lock.holder()} to finish with it")
+        lock.acquire(wait=True)
     try:
         yield
     finally:
-        release(path, descriptor)
+        lock.release()
 
 
-def try_lock(path: Path, wait: bool = False) -> int | None:
-    """Lock `path` and give what `release` wants, or None where another holds it; with `wait`, wait for it."""
-    import fcntl
-
-    while True:
-        with explained(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except OSError as error:
-            if error.errno in _UNKNOWN:
-                return descriptor
-            os.close(descriptor)
-            if error.errno in (errno.EAGAIN, errno.EACCES):
-                return None
-            raise
-        # The holder before us removed the file it had locked: whoever comes now locks another one
-        if _is_open(path, descriptor):
-            os.ftruncate(descriptor, 0)
-            with suppress(OSError):  # a full disk: the lock holds without a name in it
-                os.write(descriptor, f"process {os.getpid()} on {platform.node()}".encode())
-            return descriptor
-        os.close(descriptor)
+def _identity(status: os.stat_result) -> tuple[int, int]:
+    return status.st_dev, status.st_ino
 
 
-def release(path: Path, descriptor: int | None) -> None:
-    """Release a lock; None is none."""
-    if descriptor is None:
-        return
-    with suppress(OSError):
-        if _is_open(path, descriptor):
-            path.unlink()
-    os.close(descriptor)
-
-
-def holder(path: Path) -> str:
-    """Holder of a lock, in words."""
-    with suppress(OSError):
-        return path.read_text(errors="replace") or "another process"
-    return "another process"
-
-
-def _is_open(path: Path, descriptor: int) -> bool:
-    """Whether the file at `path` is the one that is open as `descriptor`."""
-    try:
-        there, ours = path.stat(), os.fstat(descriptor)
-    except FileNotFoundError:
-        return False
-    return (there.st_dev, there.st_ino) == (ours.st_dev, ours.st_ino)
+def _state(name: str) -> str:
+    """`, which is stopped` where the holder is a process of this machine that will not go on by itself."""
+    words = name.split()
+    if len(words) == 4 and words[1].isdigit() and words[3] == platform.node():
+        with suppress(OSError, IndexError):
+            if Path(f"/proc/{words[1]}/stat").read_text().rpartition(")")[2].split()[0] in "Tt":
+                return f", which is stopped (kill -CONT {words[1]} lets it go on)"
+    return ""

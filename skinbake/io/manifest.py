@@ -1,4 +1,4 @@
-"""bake.json: the manifest of a bake, with its inputs, settings, timings and measured error."""
+"""bake.json: what was baked, from what, how, how long it took and how wrong it is."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class _Entry(Record):
 
 
 class _Error(Record):
-    """Measured error; there is no relative error of no light."""
+    """What was measured; there is no relative error of no light."""
 
     model_config = ConfigDict(allow_inf_nan=True)
     rms: float
@@ -51,7 +51,7 @@ class _PlanLine(Record):
 
 
 class _Manifest(Record):
-    """Keys that readers of a folder rely on. Only those without which the textures cannot be used are required."""
+    """What readers of a folder rely on. Only what the textures cannot be used without must be there."""
 
     version: str = "?"
     config: dict[str, Any]
@@ -84,12 +84,12 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
 
 
 def portable_config(spec: SceneSpec, folder: Path) -> dict[str, Any]:
-    """Effective configuration with paths relative to the bake folder, so that both can move together."""
+    """The effective configuration, its paths relative to the bake folder, so that both can move together."""
     return _mapped(spec.model_dump(mode="json"), lambda path: Path(os.path.relpath(path, folder)).as_posix())
 
 
 def spec_of(manifest: Mapping[str, Any], folder: Path | str) -> SceneSpec:
-    """Look that a folder was baked from."""
+    """The look a folder was baked from."""
     base = Path(folder).absolute()
     config = _mapped(manifest["config"], lambda path: os.path.normpath(base / path))
     return parse(
@@ -98,7 +98,6 @@ def spec_of(manifest: Mapping[str, Any], folder: Path | str) -> SceneSpec:
 
 
 def _mapped(value: Any, change: Any, key: str = "") -> Any:
-    """The value with every path below it changed."""
     if isinstance(value, dict):
         return {k: _mapped(v, change, k) for k, v in value.items()}
     if isinstance(value, list):

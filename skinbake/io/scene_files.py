@@ -1,4 +1,4 @@
-"""Reading of everything that a look's files hold."""
+"""Everything a look's files hold, read at once."""
 
 from __future__ import annotations
 

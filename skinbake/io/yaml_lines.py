@@ -1,4 +1,4 @@
-"""YAML with the file and line of each key."""
+"""YAML that remembers where each key stood."""
 
 from __future__ import annotations
 
@@ -54,13 +54,7 @@ def read_yaml(path: Path | str) -> Located:
 
 
 def parse_yaml(text: str, name: str) -> Located:
-    """Parse a YAML mapping; `name` stands for the file in messages.
-
-    Raises
-    ------
-    ConfigError
-        Not YAML, not a mapping, or a key stands twice.
-    """
+    """Parse a YAML mapping; `name` stands in messages."""
     loader = None
     try:
         loader = yaml.SafeLoader(text)
@@ -84,7 +78,6 @@ def parse_yaml(text: str, name: str) -> Located:
 
 
 def _walk(node: yaml.Node, at: Key, name: str, places: dict[Key, str], parents: set[int]) -> Iterator[str]:
-    """Faults of a node and all below it; `places` gets the place of every key."""
     if id(node) in parents:
         yield f"{name}:{node.start_mark.line + 1}: expected a tree, got an anchor that contains itself"
         return
@@ -113,7 +106,6 @@ def _walk(node: yaml.Node, at: Key, name: str, places: dict[Key, str], parents: 
 
 
 def _kind(node: yaml.Node) -> str:
-    """Kind of a node, in words."""
     return type(node).__name__.removesuffix("Node").lower()
 
 

@@ -25,7 +25,7 @@ class Occluder:
     Attributes
     ----------
     subdivided : SubdividedMesh
-        Triangles that rays meet.
+        What the rays meet.
     centre_mm : ndarray of shape (3,)
         All origins are given relative to it.
     spacing_mm : float

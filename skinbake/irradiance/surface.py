@@ -55,7 +55,7 @@ class TexelSurface:
 
     @property
     def subdivided(self) -> SubdividedMesh:
-        """Triangles that rays meet."""
+        """What the rays meet."""
         return self.occluder.subdivided
 
     @cached_property

@@ -36,7 +36,7 @@ class PreviewLobe:
 
 @dataclass(frozen=True)
 class PreviewScene:
-    """Everything that a bake left, ready to draw.
+    """What a bake left, ready to draw.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Interface of scattering models: R(r), T(r), totals, and nodes to fit at."""
+"""What every scattering model offers: R(r), T(r), totals, and nodes to fit at."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Profile of the `skin:` part of a look."""
+"""From the `skin:` part of a look to a profile."""
 
 from __future__ import annotations
 

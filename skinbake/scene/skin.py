@@ -23,9 +23,7 @@ SpreadRgb = Annotated[Rgb, BeforeValidator(_one_for_all)]  # one number stands f
 
 
 class FitSpec(Strict):
-    """Number of Gaussians, or the r-weighted relative error (`tolerance`) that as few as possible, up to 12, must
-    meet.
-    """
+    """How many Gaussians: a number, or as few (up to 12) as meet `tolerance`, the r-weighted relative error."""
 
     gaussians: Annotated[int, Field(ge=1, le=12)] | None = None
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
@@ -98,9 +96,7 @@ class MultipoleSkin(_Layered):
 
 
 class TransportSkin(_Layered):
-    """Layers by Monte Carlo, theory.md 9.1 [Wang1995]: R(r) of a perpendicular pencil beam per unit flux that
-    entered.
-    """
+    """The same layers by Monte Carlo [Wang1995]: R(r) of a perpendicular pencil beam per unit flux that entered."""
 
     model: Literal["transport"]
     photons: Annotated[int, Field(ge=1, le=10**11)] = 400_000  # a channel

@@ -11,8 +11,18 @@ from typing import Any
 from skinbake.errors import InputError
 
 
+class Fatal:
+    """Kills the process that pickles it: as its result is sent."""
+
+    def __reduce__(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
 def work(payload: dict[str, Any], tell) -> dict[str, Any]:
-    """`do`: done, fail, raise, die (once, while `mark` is missing), kill; `log` gathers who ran what, and when."""
+    """`do`: done, fail, raise, die (once, while `mark` is missing), kill, die giving (its result).
+
+    `log` gathers who ran what, and when.
+    """
     tell({"event": "stage", "stage": "irradiance"})
     note(payload, "begin")
     time.sleep(payload.get("seconds", 0.0))
@@ -27,6 +37,8 @@ def work(payload: dict[str, Any], tell) -> dict[str, Any]:
     if do == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     note(payload, "end")
+    if do == "die giving":
+        return {"status": "done", "value": Fatal()}
     return {"status": "done", "error": None, "value": payload.get("value"), "threads": os.environ["NUMBA_NUM_THREADS"]}
 
 

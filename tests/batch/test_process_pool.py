@@ -67,6 +67,16 @@ def test_a_killed_process_is_tried_again(tmp_path):
     ] == ["b", "a"]
 
 
+def test_a_process_killed_while_it_gives_its_result_stops_nobody(tmp_path):
+    """No lock that others wait for dies with it: they end at once, as if it had died in the middle of its job."""
+    payloads = {"a": {"do": "die giving"}, "b": {"seconds": 2.0, "value": 1}, "c": {"value": 2}}
+    begun = time.monotonic()
+    results, _, _ = run(payloads)
+    assert [result["status"] for result in results.values()] == ["failed", "done", "done"]
+    assert "SIGKILL" in results["a"]["error"]
+    assert time.monotonic() - begun < 20
+
+
 def test_workers_end_with_a_killed_parent(tmp_path):
     """After SIGKILL of the batch no process goes on holding folders."""
     code = (
