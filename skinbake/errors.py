@@ -1,4 +1,4 @@
-"""What can go wrong, and the exit code each kind ends with.
+"""Errors that a user may meet, and the exit code each kind ends with.
 
 Exit codes: 0 done, 1 a comparison differs or a tolerance was missed, 2 bad input, 3 the machine failed us.
 """

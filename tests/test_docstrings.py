@@ -7,13 +7,9 @@ import pytest
 from tests.conftest import ROOT
 
 PACKAGE = ROOT / "skinbake"
-# Folders whose docstrings are still to be written
-NOT_YET = ("bake", "diffuse", "io", "kernels")
-FILES = [
-    file
-    for file in sorted(PACKAGE.rglob("*.py"))
-    if file.relative_to(PACKAGE).parts[0] not in (*NOT_YET, "pipeline.py")
-]
+# What is still to be written
+NOT_YET = ("bake/", "diffuse/", "io/mesh.py", "kernels/", "pipeline.py")
+FILES = [file for file in sorted(PACKAGE.rglob("*.py")) if not file.relative_to(PACKAGE).as_posix().startswith(NOT_YET)]
 
 
 def functions(tree, inside=False):

@@ -1,4 +1,4 @@
-"""Which point of the skin each texel shows."""
+"""The atlas: the point of the skin that each texel shows."""
 
 from skinbake.atlas.interpolate import interpolate
 from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, mm_per_texel, uv_jacobian

@@ -1,1 +1,1 @@
-"""From a batch file to a folder a look: who bakes which, on this machine's processes or a cluster's."""
+"""Batches: many looks from one file, baked by this machine's processes or a cluster's, a folder each."""

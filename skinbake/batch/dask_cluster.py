@@ -1,4 +1,4 @@
-"""The same jobs on a Dask cluster, an existing one or one of our own. Files are on a disk that all its machines see.
+"""Jobs of a batch on a Dask cluster, an existing one or one of our own. All its machines must see the files.
 
 A job is one task: it is never split over writers of one file. The job of a worker that is lost is taken up by another,
 which waits for the folder's lock, should the first one still be alive somewhere.

@@ -120,7 +120,7 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
     uv : UvReport
     tiles : int
     variance_mm2 : sequence of float
-        Of the lobes.
+        Variance of each lobe.
     """
     lights, summed = len(spec.lights), spec.output.lights == "total"
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20

@@ -18,7 +18,7 @@ def counted(total: float, name: str, verbosity: int) -> Iterator[Step]:
     ----------
     total : int
     name : str
-        What is counted.
+        Name of the things counted.
     verbosity : int
         0 shows nothing.
     """

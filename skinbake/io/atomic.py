@@ -50,7 +50,15 @@ def temporary_files(folder: Path) -> list[Path]:
 
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
-    """Turn the system's errors about `path` into messages that say what to do."""
+    """Turn the system's errors about `path` into messages that say what to do.
+
+    Raises
+    ------
+    MachineError
+        Disk full.
+    InputError
+        The folder cannot be written to, or a file is in its place.
+    """
     try:
         yield
     except OSError as error:
@@ -68,12 +76,14 @@ def explained(path: Path) -> Iterator[None]:
 
 
 def system_error(temporary: Path, said: str) -> OSError:
-    """The system's error behind what a library said when it could not write a file.
+    """Error of the system behind a library's complaint that it could not write a file.
 
     Parameters
     ----------
     temporary : Path
-        Of `atomic_write`.
+        As `atomic_write` gave it.
+    said : str
+        The library's message.
     """
     try:
         with open(temporary, "ab"):

@@ -38,6 +38,7 @@ class Background:
         self._given.append(self._pool.submit(self._do, work))
 
     def _do(self, work: Callable[[], object]) -> None:
+        """Do one piece of work, unless one before it has failed."""
         if self._fault is None and not self._stopped:
             try:
                 work()

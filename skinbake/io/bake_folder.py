@@ -1,4 +1,4 @@
-"""A bake folder as a PreviewScene."""
+"""Reading a bake folder as a PreviewScene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from skinbake.scene.spec import SceneSpec
 
 @dataclass(frozen=True)
 class BakeFolder:
-    """What a bake left: the look it was baked from, and everything the preview draws."""
+    """A bake as read: the look it was baked from, and everything the preview draws."""
 
     path: Path
     spec: SceneSpec
@@ -41,7 +41,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
     ----------
     path : path
     summed : bool
-        Of each lobe only the sum over the lights: enough for pictures in which each light is as it was baked.
+        Read only each lobe's sum over the lights: enough for pictures in which each light is as it was baked.
 
     Raises
     ------
@@ -94,6 +94,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
 
 
 def _lobe(folder: Path, entry: dict[str, Any], spec: SceneSpec, names: tuple[str, ...] | None) -> PreviewLobe:
+    """Lobe of a manifest's entry, its pixels read: by light, or their sum where `names` is None."""
     files = list(entry["tiles"].values()) if "tiles" in entry else [entry["file"]]
     wanted = [TOTAL] if names is None else [LIGHT + name for name in names]
     rgb = {
@@ -115,7 +116,7 @@ def _tiled(files: list[str], spec: SceneSpec) -> list[tuple[int, str]]:
 
 
 def _layers(path: Path, parts: dict[str, Part], wanted: list[str]) -> NDArray[np.floating]:
-    """Parts as (L, h, w, 3)."""
+    """Parts of a file as (L, h, w, 3)."""
     layers = [[channel_of(path, parts, part, c) for c in "RGB"] for part in wanted]
     return np.stack([np.stack(channels, axis=-1) for channels in layers])
 

@@ -21,7 +21,17 @@ BASE = "base"
 
 @dataclass(frozen=True)
 class BatchJob:
-    """One look of a batch. `choices` says which option of each axis of the matrix it is made of."""
+    """One look of a batch.
+
+    Attributes
+    ----------
+    name : str
+    spec : SceneSpec
+    choices : mapping of axis to option
+        What it is made of, for a look of the matrix.
+    wanted : bool
+        Whether `only` names it.
+    """
 
     name: str
     spec: SceneSpec
@@ -31,7 +41,7 @@ class BatchJob:
 
 @dataclass(frozen=True)
 class Batch:
-    """A batch file's looks, and the folder that holds theirs."""
+    """Looks of a batch file, and the folder that holds theirs."""
 
     path: Path
     folder: Path
@@ -41,12 +51,17 @@ class Batch:
 def load_batch(
     path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None, only: Sequence[str] = ()
 ) -> Batch:
-    """Read a batch file; `overrides` (`dotted.key=value`) go over its looks, `out` replaces `output.dir`.
+    """Read a batch file and check every look in it.
 
     Parameters
     ----------
+    path : path
+    overrides : sequence of str
+        `dotted.key=value`, applied to the wanted looks.
+    out : path, optional
+        In place of `output.dir`.
     only : sequence of str
-        Names, a `*` in them stands for any letters: the jobs that are wanted. Overrides go over these alone.
+        Names, a `*` in them stands for any letters: the jobs that are wanted.
 
     Raises
     ------
@@ -82,7 +97,7 @@ def load_batch(
 
 
 def _look(located: Located, plan: PlannedJob, folder: Path, overrides: Sequence[str], out: Path | None) -> SceneSpec:
-    """Base, defaults, then the job's overrides from left to right."""
+    """Look of one job: base, defaults, then the job's overrides from left to right."""
     defaults = part_of(located, ("defaults",)) if located.value.get("defaults") else Located({})
     own = [part_of(located, key) for key in plan.overrides if _value_at(located.value, key) is not None]
     for layer in own:
@@ -105,7 +120,7 @@ def _look(located: Located, plan: PlannedJob, folder: Path, overrides: Sequence[
 
 
 def _with(look: Located, layer: Located) -> Located:
-    """A layer over a look; a dotted key (`lights.key.intensity`) reaches into lists by index or by name."""
+    """Look with a layer on top; a dotted key (`lights.key.intensity`) reaches into lists by index or by name."""
     plain = {key: value for key, value in layer.value.items() if "." not in key and key not in (BASE, "name")}
     look = lay_over(look, Located(plain, layer.places))
     for key, value in layer.value.items():
@@ -115,7 +130,7 @@ def _with(look: Located, layer: Located) -> Located:
 
 
 def _base(layer: Located, folder: Path) -> tuple[Located, Path]:
-    """The look file that `base` names, its paths made absolute from where it lies."""
+    """Look file that `base` names, its paths made absolute, and the folder it lies in."""
     name, place = layer.value[BASE], f"{layer.place((BASE,))}: {BASE}"
     if not isinstance(name, str):
         raise ConfigError([f"{place}: expected the path of a look file, got {name!r}"])
@@ -130,13 +145,14 @@ def _base(layer: Located, folder: Path) -> tuple[Located, Path]:
 
 
 def _value_at(value: Any, key: tuple[str | int, ...]) -> Any:
+    """Value below a key path."""
     for part in key:
         value = value[part]
     return value
 
 
 def _name_with_text(value: dict[str, Any]) -> None:
-    """Options are names: `{1024: ..., 2048: ...}` are two of them."""
+    """Turn the matrix's option names into text, in place: `{1024: ..., 2048: ...}` has numbers."""
     matrix = value.get("matrix")
     if not isinstance(matrix, dict):
         return
@@ -146,5 +162,6 @@ def _name_with_text(value: dict[str, Any]) -> None:
 
 
 def _in_jobs(names: list[str]) -> str:
+    """Names of jobs in words, at most three."""
     shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
     return f"job {shown}" if len(names) == 1 else f"jobs {shown}"

@@ -20,7 +20,7 @@ class _Job(Record):
 
 
 class _Report(Record):
-    """What readers of a batch's folder rely on."""
+    """Keys that readers of a batch's folder rely on."""
 
     version: str = "?"
     file: str = "?"

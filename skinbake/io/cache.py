@@ -1,4 +1,4 @@
-"""Results of stages by the key of what they read, shared by every look and every process that names the same folder.
+"""Cache of stage results by the key of what they read, for every look and every process that names the same folder.
 
 An entry appears whole or not at all and is read-only afterwards; a damaged one counts as missing. The oldest read are
 dropped when the folder has grown past its limit.
@@ -30,7 +30,7 @@ ORPHANED_S = 3600.0  # a temporary file this old has no writer any more
 
 
 class Store(Protocol):
-    """Where results of stages may already be."""
+    """A place that may already hold results of stages."""
 
     def get_many(
         self, keys: Mapping[str, str], make: Callable[[tuple[str, ...]], Mapping[str, Entry]]
@@ -134,14 +134,14 @@ class Cache:
             return None
 
     def write(self, key: str, entry: Entry) -> None:
-        """Store an entry. A cache that cannot be written to is no reason to fail: what it would hold is known."""
+        """Store an entry. A cache that cannot be written to is no reason to fail: its content can be made again."""
         arrays: dict[str, Any] = entry
         with suppress(SkinbakeError, OSError), atomic_write(self.path_of(key)) as temporary:
             np.savez(temporary, **arrays)
         self.prune()
 
     def prune(self) -> None:
-        """Drop the entries whose last reading is longest ago, until the rest fits; and what killed writers left."""
+        """Drop the entries read longest ago, until the rest fits, and what killed writers left."""
         entries = []
         for path in self.folder.rglob("*.npz"):
             with suppress(OSError):
@@ -160,11 +160,11 @@ class Cache:
                 used -= size
 
     def path_of(self, key: str) -> Path:
-        """Where an entry is."""
+        """Path of an entry's file."""
         return self.folder / key[:2] / f"{key[2:]}.npz"
 
 
 def cache_folder(default: Path) -> Path:
-    """The environment's SKINBAKE_CACHE, else `default`."""
+    """Folder that the environment's SKINBAKE_CACHE names, else `default`."""
     chosen = os.environ.get(FOLDER)
     return Path(chosen).expanduser().absolute() if chosen else default

@@ -76,7 +76,7 @@ def parse_look(located: Located) -> SceneSpec:
 
 
 def _refuse_missing(located: Located) -> None:
-    """Name the line and the key of each input that is not there; what else may be wrong with one is its reader's."""
+    """Refuse a look whose input files are missing, naming line and key of each. Other faults are their readers'."""
     faults = [
         located.say(key, f"expected a file, there is none at {path}")
         for key, path in _inputs(located.value)
@@ -96,6 +96,7 @@ def _inputs(value: Any, key: Key = ()) -> Iterator[tuple[Key, str]]:
 
 
 def _prepared(path: Path | str, overrides: Sequence[str], whole: bool = True) -> Located:
+    """YAML of a look or a skin, with its paths resolved, its overrides applied and its preset merged."""
     located = read_yaml(path)
     if "mesh" not in located.value and set(BatchSpec.model_fields) & set(located.value):
         raise ConfigError([located.say((), "expected a look, this is a batch file: use `skinbake batch`")])
@@ -109,7 +110,13 @@ def _prepared(path: Path | str, overrides: Sequence[str], whole: bool = True) ->
 
 
 def apply_overrides(located: Located, overrides: Iterable[str]) -> None:
-    """Apply `dotted.key=value` strings in place; lists by index (`lights.0`) or by name (`lights.key`)."""
+    """Apply `dotted.key=value` strings in place; lists by index (`lights.0`) or by name (`lights.key`).
+
+    Raises
+    ------
+    ConfigError
+        One is not of that form, its value is no YAML, or its key leads nowhere.
+    """
     for text in overrides:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
@@ -123,7 +130,16 @@ def apply_overrides(located: Located, overrides: Iterable[str]) -> None:
 
 
 def put(located: Located, name: str, value: Any, place: str) -> None:
-    """Set a dotted key in place, lists by index or by name; `place` is said of it in messages.
+    """Set a dotted key in place, lists by index or by name.
+
+    Parameters
+    ----------
+    located : Located
+    name : str
+        The dotted key.
+    value : object
+    place : str
+        Where the value came from, for messages.
 
     Raises
     ------
@@ -167,10 +183,25 @@ def put(located: Located, name: str, value: Any, place: str) -> None:
 
 
 def resolve_paths(located: Located, base: Path, only: str | None = None) -> None:
-    """Make every path absolute, from `base`; with `only`, just the keys that came from that place."""
+    """Make paths absolute, in place.
+
+    Parameters
+    ----------
+    located : Located
+    base : Path
+        Folder that they are relative to.
+    only : str, optional
+        Change just the keys that came from this place.
+
+    Raises
+    ------
+    ConfigError
+        A path names an environment variable that is not set, or a home that does not exist.
+    """
     faults: list[str] = []
 
     def visit(value: Any, key: Key) -> Any:
+        """The value with every path below it absolute."""
         if isinstance(value, dict):
             return {k: visit(v, (*key, k)) for k, v in value.items()}
         if isinstance(value, list):
@@ -188,10 +219,12 @@ def resolve_paths(located: Located, base: Path, only: str | None = None) -> None
 
 
 def _absolute(text: str, base: Path) -> Path:
+    """Absolute path of a text, `${NAME}` and `~` expanded."""
     if "\0" in text:
         raise InputError("expected a path, got text with a NUL character")
 
     def variable(match: re.Match[str]) -> str:
+        """Value of an environment variable, or its default."""
         value = os.environ.get(match[1]) or match[2]
         if value is None:
             raise InputError(f"expected the environment variable {match[1]}, which is not set")
@@ -204,13 +237,19 @@ def _absolute(text: str, base: Path) -> Path:
 
 
 def preset_folders(*beside: Path) -> list[Path]:
-    """Where named skins are looked up: `skins/` beside the look, the installed ones, the repository's."""
+    """Folders with named skins: `skins/` beside the look, the installed ones, the repository's."""
     package = Path(__file__).parent.parent
     return [*(folder / "skins" for folder in beside), package / "skins", package.parent / "configs" / "skins"]
 
 
 def merge_preset(located: Located, *beside: Path) -> None:
-    """Put the medium that `skin.preset` names under the other keys of `skin`, looked up in `skins/` of each folder."""
+    """Put the medium that `skin.preset` names under the other keys of `skin`, looked up in `skins/` of each folder.
+
+    Raises
+    ------
+    ConfigError
+        There is no such preset.
+    """
     skin = located.value.get("skin")
     if not isinstance(skin, dict) or "preset" not in skin:
         return

@@ -1,4 +1,4 @@
-"""batch.png: each look's picture, name and error on one sheet."""
+"""batch.png: the picture, name and error of each look on one sheet."""
 
 from __future__ import annotations
 
@@ -22,7 +22,16 @@ TEXT, FAINT, BAD = "#e8e6e3", "#a5a39f", "#ff8f7a"
 
 @dataclass(frozen=True)
 class Cell:
-    """One look. `picture` is None, or a file that is not there, where the look has none; `note` then says why."""
+    """One look of the sheet.
+
+    Attributes
+    ----------
+    name : str
+    picture : Path or None
+        May also be a file that is not there; `note` then says why.
+    note : str
+    failed : bool
+    """
 
     name: str
     picture: Path | None
@@ -31,7 +40,14 @@ class Cell:
 
 
 def write_contact_sheet(path: Path | str, cells: Sequence[Cell], columns: int | None = None) -> None:
-    """Write the sheet as PNG, `columns` cells a row (by default about square).
+    """Write the sheet as PNG.
+
+    Parameters
+    ----------
+    path : path
+    cells : sequence of Cell
+    columns : int, optional
+        Cells a row; about square unless given.
 
     Raises
     ------
@@ -85,6 +101,7 @@ def write_contact_sheet(path: Path | str, cells: Sequence[Cell], columns: int | 
 
 
 def _read(path: Path | None) -> NDArray[np.floating] | None:
+    """Pixels of a picture, None where there is none."""
     from matplotlib import image
 
     try:

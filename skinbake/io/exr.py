@@ -1,4 +1,4 @@
-"""Multi-part EXR files: deterministic bytes, whole or not at all, nothing non-finite."""
+"""Multi-part EXR files: deterministic bytes, whole or not at all, never NaN or infinity."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Part:
 
 
 def rgb_channels(image: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """(H, W, 3) as R, G, B, pixel by pixel as it lies: `write_parts` takes them apart only where it must."""
+    """Channels R, G, B of an image (H, W, 3), left together: `write_parts` takes them apart only where it must."""
     return {"RGB": image}
 
 
@@ -50,11 +50,20 @@ def write_parts(
     precision: str = "half",
     compression: str = "zip",
 ) -> None:
-    """Write `parts` as one EXR with `attributes` in every part's header.
+    """Write `parts` as one EXR.
 
     Blocks of rows are compressed on as many threads as numba has; the bytes do not depend on how many. With
     `precision="half"`, a channel whose values pass 65504, or are all so faint that half would lose their digits, is
     written as float instead.
+
+    Parameters
+    ----------
+    path : path
+    parts : sequence of Part
+    attributes : mapping, optional
+        For every part's header.
+    precision : "half" or "float"
+    compression : "none", "rle", "zips", "zip" or "piz"
 
     Raises
     ------
@@ -89,7 +98,13 @@ def write_parts(
 
 
 def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], precision: str) -> dict[str, NDArray[Any]]:
-    """Channels as the file will hold them, contiguous: together if they are of one kind."""
+    """Channels as the file will hold them, contiguous: together if they are of one kind.
+
+    Raises
+    ------
+    InputError
+        A value is NaN or infinite.
+    """
     from skinbake.io.half import as_half
 
     if precision == "half":
@@ -125,7 +140,7 @@ def _keeps_digits(values: NDArray[Any], half: NDArray[np.float16]) -> NDArray[np
 
 
 def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
-    """`values` of shape (..., H, W, C) as a file gives them back: each channel rounded as `write_parts` would.
+    """Values of shape (..., H, W, C) as a file gives them back: each channel rounded as `write_parts` would.
 
     Returns
     -------
@@ -175,7 +190,15 @@ def read_parts(path: Path | str, names: Collection[str] | None = None) -> dict[s
 
 
 def channel_of(path: Path, parts: Mapping[str, Part], part: str, channel: str) -> NDArray[np.floating]:
-    """One channel of what `read_parts` gave, (h, w).
+    """One channel of the parts of a file, (h, w).
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    parts : mapping of name to Part
+        As `read_parts` gives them.
+    part, channel : str
 
     Raises
     ------
@@ -211,7 +234,7 @@ def read_attributes(path: Path | str) -> dict[str, dict[str, Any]]:
 
 @contextmanager
 def _undamaged(path: Path | str) -> Iterator[None]:
-    """Names in a damaged header are not text; OpenImageIO's binding then fails to decode them, or its own message."""
+    """Turn OpenImageIO's failure to decode a damaged header's names into an InputError."""
     try:
         yield
     except UnicodeDecodeError as error:
@@ -219,6 +242,13 @@ def _undamaged(path: Path | str) -> Iterator[None]:
 
 
 def _open(path: Path | str) -> Any:
+    """OpenImageIO's reader of an EXR.
+
+    Raises
+    ------
+    InputError
+        The file is missing or is not an EXR.
+    """
     import OpenImageIO as oiio
 
     if not Path(path).is_file():

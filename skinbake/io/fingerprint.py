@@ -1,4 +1,6 @@
-"""What a file or a stage depends on, as sha256: the same inputs give the same key, and the key tells what is stale."""
+"""Digests (sha256) of what a file or a stage depends on: the same inputs give the same key, so a key tells what is
+stale.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,7 @@ def key_of(*parts: Any) -> str:
 
 @cache
 def code_key(*parts: str) -> str:
-    """Digest of the package's ground and of `parts`, folders or files: results of other code are not ours."""
+    """Digest of the package's shared modules and of `parts`, folders or files: results of other code are not reused."""
     files = [*PACKAGE.glob("*.py"), *(PACKAGE / "scene").glob("*.py")]
     for part in parts:
         files += (PACKAGE / part).rglob("*.py") if (PACKAGE / part).is_dir() else [PACKAGE / part]
@@ -78,7 +80,7 @@ def files_named(path: str) -> list[Path]:
 
 
 def digest_of(paths: tuple[Path, ...]) -> str:
-    """Of one role: its file, or its files' names and contents."""
+    """Digest of one role: of its file, or of its files' names and contents."""
     return sha256_of(paths[0]) if len(paths) == 1 else key_of([(p.name, sha256_of(p)) for p in paths])
 
 
@@ -93,6 +95,7 @@ def input_stamps(spec: SceneSpec) -> dict[Path, tuple[int, ...] | None]:
 
 
 def _stamp(path: Path) -> tuple[int, ...] | None:
+    """Time, size and place of a file, None where it is gone."""
     try:
         status = path.stat()
     except OSError:

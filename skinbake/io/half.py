@@ -47,15 +47,26 @@ def as_half(values: NDArray[Any]) -> NDArray[np.float16]:
 
 @njit(cache=True, nogil=True)
 def _round(values: NDArray[np.float32], bits: NDArray[np.int32], half: NDArray[np.uint16]) -> None:
+    """Round floats to halves by their bits.
+
+    Parameters
+    ----------
+    values, bits : ndarrays of shape (n,), float32 and int32
+        The same memory.
+    half : ndarray of shape (n,), uint16
+        Written.
+    """
     for i in range(values.size):  # in 32 bits throughout, or it would not be done eight at a time
         magnitude = int32(bits[i] & int32(0x7FFFFFFF))
         # Adds half a step, less a bit where the last digit kept is even; a carry into the exponent is right, too
         odd = int32(int32(magnitude >> int32(13)) & int32(1))
         rounded = int32(int32(int32(magnitude + int32(0xFFF - _REBIAS)) + odd) >> int32(13))
+        # Below half's normal range: a multiple of 2^-24, rounded by adding 2^23
         small = float32(min(abs(values[i]), float32(1)) * float32(2**24))
         rounded = (
             rounded if magnitude >= int32(_NORMAL) else int32(int32(float32(small + float32(_WHOLE))) - int32(_WHOLE))
         )
+        # Infinity from 65536 on, NaN stays NaN; then the sign
         rounded = rounded if magnitude < int32(_TOO_LARGE) else int32(0x7C00)
         rounded = rounded if magnitude <= int32(_INFINITY) else int32(0x7E00)
         half[i] = uint16(rounded | int32(int32(bits[i] >> int32(16)) & int32(0x8000)))

@@ -20,7 +20,16 @@ TOTAL = "irradiance"
 
 
 def tile_path(path: Path, tile: int, udim: bool) -> Path:
-    """`irradiance.exr`, or `irradiance.1002.exr` where there are tiles."""
+    """Path of a tile's file: `irradiance.exr`, or `irradiance.1002.exr` where there are tiles.
+
+    Parameters
+    ----------
+    path : Path
+        Without a tile.
+    tile : int
+    udim : bool
+        Whether there are tiles.
+    """
     return path.with_suffix(f".{tile}{path.suffix}") if udim else path
 
 
@@ -32,7 +41,24 @@ def write_irradiance(
     precision: str,
     compression: str,
 ) -> None:
-    """Write one tile: the total, then each light with its stage key from `keys`."""
+    """Write one tile: the total, then each light.
+
+    Parameters
+    ----------
+    path : Path
+    irradiance : IrradianceMap
+    keys : mapping of light name to str
+        Stage key, for the header of its part.
+    attributes : mapping
+        For every part's header.
+    precision, compression : str
+        As `write_parts`.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `write_parts`.
+    """
     parts = [Part(TOTAL, rgb_channels(irradiance.total) | {"A": irradiance.coverage})]
     for i, name in enumerate(irradiance.lights):
         channels = rgb_channels(irradiance.rgb[i]) | {"visibility": irradiance.visibility[i]}
@@ -47,7 +73,7 @@ def plan_text(lines: tuple[Decision, ...]) -> str:
 
 
 def plan_of_text(text: str) -> tuple[Decision, ...]:
-    """The plan again."""
+    """A light's plan from the JSON of `plan_text`."""
     return tuple(Decision(**line) for line in json.loads(text))
 
 
@@ -70,7 +96,7 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
     Parameters
     ----------
     size : (width, height), optional
-        What the look's texture has.
+        Size of the look's texture.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""lobe_0.exr ...: one blurred irradiance texture a Gaussian, with what is known about it in the header."""
+"""lobe_0.exr ...: one blurred irradiance texture a Gaussian, with its figures in the header."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
 
 
 def lobe_name(index: int, lobe: Lobe | None = None) -> str:
-    """File name without tile; light through thin parts has its own."""
+    """File name of a lobe, without tile; light through thin parts has its own."""
     return "transmission.exr" if lobe is not None and lobe.method == "transmission" else f"lobe_{index}.exr"
 
 
@@ -36,7 +36,7 @@ class StoredLobe(Lobe):
 
 
 def as_stored_lobes(result: DiffuseMap, precision: str) -> DiffuseMap:
-    """`result` with `StoredLobe`s. Takes the pixels out of `result`, lobe by lobe, lest all be in memory twice."""
+    """Result with `StoredLobe`s. Takes the pixels out of `result`, lobe by lobe, lest all be in memory twice."""
     lobes = []
     for lobe in result.lobes:
         rgb, total = {}, {}
@@ -58,8 +58,28 @@ def write_lobes(
     separate: bool = True,
     udim: bool = False,
 ) -> None:
-    """Write every lobe and tile of `as_stored_lobes`; the first file's header holds the plan, so that a bake can be
-    taken up from it.
+    """Write every lobe and tile; the first file's header holds the plan, so that a bake can be taken up from it.
+
+    Parameters
+    ----------
+    folder : Path
+    result : DiffuseMap
+        Its lobes are `StoredLobe`s (`as_stored_lobes`).
+    key : str
+        Stage key, for every header.
+    attributes : mapping
+        For every header.
+    precision, compression : str
+        As `write_parts`.
+    separate : bool
+        Write a part a light besides the total.
+    udim : bool
+        Whether there are tiles.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `write_parts`.
     """
     names = [lobe_name(index, lobe) for index, lobe in enumerate(result.lobes)]
     summary = {
@@ -95,7 +115,17 @@ def write_lobes(
 
 
 def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:
-    """What `write_lobes` wrote under `key`, without the pixels; None where any of it is missing or stale."""
+    """Result that `write_lobes` wrote, without the pixels; None where any of it is missing or stale.
+
+    Parameters
+    ----------
+    folder : Path
+    key : str
+        Stage key that the files must have.
+    tiles : tuple of int
+    udim : bool
+        Whether there are tiles.
+    """
     header = _header(tile_path(folder / lobe_name(0), tiles[0], udim))
     if header.get("skinbake:key") != key:
         return None
@@ -106,6 +136,7 @@ def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> 
 
 
 def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:
+    """Result without pixels from the first file's header, checked against every file."""
     summary = json.loads(header["skinbake:diffusion"])
     lobes = []
     for entry in summary["lobes"]:  # attributes of the files are float32, these figures are not rounded
@@ -131,6 +162,7 @@ def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, .
 
 
 def _header(path: Path) -> dict[str, Any]:
+    """Header of a file's total, empty where there is no such file."""
     try:
         return read_attributes(path).get(TOTAL, {})
     except InputError:

@@ -72,7 +72,7 @@ class Lock:
         self._lock.release()
 
     def holder(self) -> str:
-        """Who holds the lock, in words."""
+        """Holder of the lock, in words; and that it was stopped, where it was."""
         try:
             descriptor = os.open(self.path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
             with open(descriptor, errors="replace") as file:
@@ -115,6 +115,7 @@ def file_lock(path: Path, say: Callable[[str], None] | None = None, name: str = 
 
     Parameters
     ----------
+    path : Path
     say : callable, optional
         Told for whom it waits.
     name : str

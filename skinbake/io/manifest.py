@@ -1,4 +1,4 @@
-"""bake.json: what was baked, from what, how, how long it took and how wrong it is."""
+"""bake.json: the manifest of a bake, with its inputs, settings, timings and measured error."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class _Entry(Record):
 
 
 class _Error(Record):
-    """What was measured; there is no relative error of no light."""
+    """Measured error; there is no relative error of no light."""
 
     model_config = ConfigDict(allow_inf_nan=True)
     rms: float
@@ -51,7 +51,7 @@ class _PlanLine(Record):
 
 
 class _Manifest(Record):
-    """What readers of a folder rely on. Only what the textures cannot be used without must be there."""
+    """Keys that readers of a folder rely on. Only those without which the textures cannot be used are required."""
 
     version: str = "?"
     config: dict[str, Any]
@@ -84,12 +84,12 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
 
 
 def portable_config(spec: SceneSpec, folder: Path) -> dict[str, Any]:
-    """The effective configuration, its paths relative to the bake folder, so that both can move together."""
+    """Effective configuration with paths relative to the bake folder, so that both can move together."""
     return _mapped(spec.model_dump(mode="json"), lambda path: Path(os.path.relpath(path, folder)).as_posix())
 
 
 def spec_of(manifest: Mapping[str, Any], folder: Path | str) -> SceneSpec:
-    """The look a folder was baked from."""
+    """Look that a folder was baked from."""
     base = Path(folder).absolute()
     config = _mapped(manifest["config"], lambda path: os.path.normpath(base / path))
     return parse(
@@ -98,6 +98,7 @@ def spec_of(manifest: Mapping[str, Any], folder: Path | str) -> SceneSpec:
 
 
 def _mapped(value: Any, change: Any, key: str = "") -> Any:
+    """The value with every path below it changed."""
     if isinstance(value, dict):
         return {k: _mapped(v, change, k) for k, v in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Laying one mapping over another, each key keeping the file and line it came from."""
+"""Layers of configuration: one mapping laid over another, each key keeping the file and line it came from."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def part_of(located: Located, at: Key) -> Located:
 
 
 def lay_over(base: Located, over: Located) -> Located:
-    """`over` on `base`: mappings are merged key by key, everything else, lists too, is replaced.
+    """`over` laid on `base`: mappings are merged key by key, everything else, lists too, is replaced.
 
     A skin that names another `preset` or `model` replaces the one below it, all but its `fit` and `normalise`.
     """
@@ -36,6 +36,7 @@ def lay_over(base: Located, over: Located) -> Located:
 
 
 def _merged(base: Any, over: Any, at: Key, places: dict[Key, str], source: Located) -> Any:
+    """Two values merged at a key path; `places` is changed along."""
     if isinstance(over, dict) and isinstance(base, str) and "path" not in over and at[:1] == ("maps",):
         base = {"path": base}  # a bare path is short for a map
     if not isinstance(base, dict) or not isinstance(over, dict):

@@ -69,7 +69,14 @@ def fit_csv(report: FitReport) -> str:
 
 
 def write_fit(report: FitReport, folder: Path | str, extra: dict[str, Any] | None = None) -> list[Path]:
-    """Write profile.json, profile.csv and profile.png, each whole or not at all; `extra` goes into the JSON.
+    """Write profile.json, profile.csv and profile.png, each whole or not at all; their paths.
+
+    Parameters
+    ----------
+    report : FitReport
+    folder : path
+    extra : dict, optional
+        More keys for the JSON.
 
     Raises
     ------
@@ -88,7 +95,7 @@ def write_fit(report: FitReport, folder: Path | str, extra: dict[str, Any] | Non
 
 
 def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
-    """The Gaussians of a profile.json that was written under `key`; None where there is none, or an older one."""
+    """Gaussians of a profile.json that was written under `key`; None where there is none, or an older one."""
     try:
         record = json.loads(Path(path).read_text(encoding="utf-8"))
         if record["key"] != key:
@@ -111,4 +118,5 @@ def as_json(record: dict[str, Any]) -> str:
 
 
 def _csv(header: list[str], rows: np.ndarray) -> str:
+    """A header and rows as CSV."""
     return "\n".join([",".join(header), *(",".join(f"{value:.12g}" for value in row) for row in rows)]) + "\n"

@@ -1,4 +1,4 @@
-"""JSON that we have left in a folder: by now it may be cut short, edited, or of another version."""
+"""JSON files of ours, read again: by now they may be cut short, edited, or of another version."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from skinbake.scene.parse import parse
 
 
 class Record(BaseModel):
-    """What readers rely on; other keys are free, and values are as they stand, never converted."""
+    """Keys that readers rely on; other keys are free, and values are as they stand, never converted."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
 
 def read_record(path: Path, kind: type[Record], what: str) -> dict[str, Any]:
-    """A JSON object, checked; a key that it lacks has its default.
+    """Checked JSON object of a file; a key that it lacks has its default.
 
     Parameters
     ----------
+    path : Path
+    kind : type of Record
     what : str
         What the user should have given, where there is no such file.
 

@@ -1,4 +1,4 @@
-"""Everything a look's files hold, read at once."""
+"""Reading of everything that a look's files hold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading a tabulated profile."""
+"""Reading of a tabulated profile."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def read_profile_csv(path: Path | str) -> tuple[Float, Float]:
 
 
 def _refuse_negative_totals(path: Path | str, table: Float, numbers: list[int]) -> None:
-    """A model's profile may dip below 0 somewhere, but no skin reflects less than nothing."""
+    """Refuse a profile that reflects less than nothing; it may dip below 0 somewhere."""
     if (table >= 0).all():
         return
     from skinbake.profile.table import TableProfile

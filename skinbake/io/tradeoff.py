@@ -1,4 +1,4 @@
-"""What a trade-off leaves behind: every run as it ends, then a table for programs and one for people."""
+"""Files of a trade-off: every run as it ends, then a table for programs and one for people."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ def read_runs(folder: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def append_run(folder: Path, run: dict[str, Any]) -> None:
-    """Add one run; at worst a kill costs this line."""
+    """Add one run to the file; at worst a kill costs this line."""
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / RUNS, "a", encoding="utf-8") as file:
         file.write(json.dumps(run) + "\n")
 
 
 def write_reference(path: Path, found: dict[str, Any]) -> None:
-    """Values at the probes and the picture, for a command that takes up where this one stopped."""
+    """Write the values at the probes and the picture, for a command that takes up where this one stopped."""
     arrays = {name: array for name, array in found.items() if array is not None}
     with atomic_write(path) as temporary:
         np.savez_compressed(temporary, **arrays)
 
 
 def read_reference(path: Path) -> dict[str, Any] | None:
-    """What `write_reference` wrote; None where there is nothing that can be read."""
+    """Values and picture that `write_reference` wrote; None where there is nothing that can be read."""
     try:
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
@@ -58,12 +58,28 @@ def read_reference(path: Path) -> dict[str, Any] | None:
 
 
 def write_tables(folder: Path, title: str, sweep: Sweep, rows: Sequence[Row], note: str) -> None:
-    """Write tradeoff.csv and tradeoff.md."""
+    """Write tradeoff.csv and tradeoff.md.
+
+    Parameters
+    ----------
+    folder : Path
+    title : str
+    sweep : Sweep
+    rows : sequence of Row
+    note : str
+        Paragraph below the title.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `atomic_write`.
+    """
     write_text(folder / "tradeoff.csv", _csv(rows))
     write_text(folder / "tradeoff.md", "\n".join(_markdown(title, sweep, rows, note)) + "\n")
 
 
 def _csv(rows: Iterable[Row]) -> str:
+    """Rows as CSV."""
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
     table.writerow(COLUMNS)
@@ -106,6 +122,7 @@ def advice(rows: Sequence[Row]) -> list[str]:
 
 
 def _markdown(title: str, sweep: Sweep, rows: Sequence[Row], note: str) -> list[str]:
+    """Lines of tradeoff.md."""
     used = {row.reference for row in rows}
     lines = [f"# {title}", "", note, "", "What the columns mean:", ""]
     lines += [
@@ -144,4 +161,5 @@ def _markdown(title: str, sweep: Sweep, rows: Sequence[Row], note: str) -> list[
 
 
 def _or_dash(value: float, form: str) -> str:
+    """A formatted number, "-" for none."""
     return format(value, form) if np.isfinite(value) else "-"

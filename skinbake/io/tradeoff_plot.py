@@ -1,4 +1,4 @@
-"""tradeoff.png: error against seconds, log-log, the Pareto front drawn and labelled; markers differ in grey too."""
+"""tradeoff.png: error against seconds, log-log, with the Pareto front; markers differ in grey too."""
 
 from __future__ import annotations
 
@@ -27,7 +27,21 @@ STYLES = {
 
 
 def write_chart(path: Path, title: str, rows: Sequence[Row], clock: str) -> None:
-    """Write the chart; the right panel shows what terms and models change, where they were measured."""
+    """Write the chart; the right panel shows what terms and models change, where they were measured.
+
+    Parameters
+    ----------
+    path : Path
+    title : str
+    rows : sequence of Row
+    clock : str
+        Name of the clock for the axis' label.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `atomic_write`.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
@@ -53,6 +67,7 @@ def write_chart(path: Path, title: str, rows: Sequence[Row], clock: str) -> None
 
 
 def _front(axes: Any, rows: Sequence[Row], clock: str) -> None:
+    """Left panel: every bake, and the Pareto front."""
     for sweep in dict.fromkeys(row.sweep for row in rows):
         marker, colour = STYLES.get(sweep, ("o", "#777777"))
         mine = [row for row in rows if row.sweep == sweep]
@@ -81,7 +96,7 @@ def _front(axes: Any, rows: Sequence[Row], clock: str) -> None:
 
 
 def _plain_ticks(axes: Any, rows: Sequence[Row]) -> None:
-    """1, 2, 5 steps in plain numbers: powers of ten say little about a range of ten."""
+    """Ticks in plain numbers, 1, 2, 5 steps: powers of ten say little about a range of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 4, 6, 8)))
@@ -95,6 +110,7 @@ def _plain_ticks(axes: Any, rows: Sequence[Row]) -> None:
 
 
 def _percent(axis: Any) -> None:
+    """Ticks in per cent."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -103,7 +119,7 @@ def _percent(axis: Any) -> None:
 
 
 def _label(axes: Any, front: Sequence[Row]) -> None:
-    """Names of the front's points: below left of each, so that the line stays free; above right at the left edge."""
+    """Name the front's points: below left of each, so that the line stays free; above right at the left edge."""
     for i, row in enumerate(front):
         at_edge = row.seconds < 1.6 * front[0].seconds
         offset, across, along = (-6, -6 - 11 * (i % 2)), "right", "top"
@@ -117,7 +133,7 @@ def _label(axes: Any, front: Sequence[Row]) -> None:
 
 
 def _bars(axes: Any, rows: Sequence[Row]) -> None:
-    """Error of each term left out and each model, most first."""
+    """Right panel: the error of each term left out and of each model, greatest first."""
     shown = sorted((row for row in rows if not row.label.endswith(" on")), key=lambda row: row.rms)
     places = np.arange(len(shown))
     colours = ["0.75" if row.sweep == "term" else "0.35" for row in shown]

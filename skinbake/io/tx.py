@@ -21,7 +21,7 @@ NO_DATE = "1970:01:01 00:00:00"  # the library stamps the time otherwise: the sa
 
 
 def tx_path(exr: Path, light: str | None = None) -> Path:
-    """`lobe_0.tx` of lobe_0.exr, `lobe_0.key.tx` of its light "key"; a tile's number stays last."""
+    """Path of a .tx: `lobe_0.tx` for lobe_0.exr, `lobe_0.key.tx` for its light "key"; a tile's number stays last."""
     stem, dot, tile = exr.stem.partition(".")
     return exr.with_name(f"{stem}{f'.{light}' if light else ''}{dot}{tile}.tx")
 
@@ -67,7 +67,7 @@ def is_current(exr: Path) -> bool:
 
 
 def _identity(header: dict[str, Any]) -> str:
-    """What tells one baking of a part from another."""
+    """Text that tells one baking of a part from another."""
     return f"{header.get('skinbake:key', '')} {header.get('skinbake:inputs', '')} {header['size']}"
 
 
@@ -82,7 +82,9 @@ def _known(rgb: NDArray[np.float32], coverage: NDArray[np.floating] | None) -> N
 
 
 def _refuse_full(path: Path, size: tuple[int, ...], value_bytes: int) -> None:
-    """The library waits for ever where the disk is full: there must be room for all levels, uncompressed."""
+    """Refuse to begin where there is no room for all levels, uncompressed: the library waits for ever on a full
+    disk.
+    """
     texels, height, width = 0, size[0], size[1]
     while True:
         texels += -(-height // TILE) * -(-width // TILE) * TILE**2
@@ -94,6 +96,7 @@ def _refuse_full(path: Path, size: tuple[int, ...], value_bytes: int) -> None:
 
 
 def _write(path: Path, part: Part, known: NDArray[np.bool_]) -> None:
+    """Write one part as .tx, the texels off the charts filled."""
     import OpenImageIO as oiio
 
     rgba = np.dstack([part.rgb * known[..., None], known.astype(np.float32)])

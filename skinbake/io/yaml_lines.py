@@ -1,4 +1,4 @@
-"""YAML that remembers where each key stood."""
+"""YAML with the file and line of each key."""
 
 from __future__ import annotations
 
@@ -54,7 +54,13 @@ def read_yaml(path: Path | str) -> Located:
 
 
 def parse_yaml(text: str, name: str) -> Located:
-    """Parse a YAML mapping; `name` stands in messages."""
+    """Parse a YAML mapping; `name` stands for the file in messages.
+
+    Raises
+    ------
+    ConfigError
+        Not YAML, not a mapping, or a key stands twice.
+    """
     loader = None
     try:
         loader = yaml.SafeLoader(text)
@@ -78,6 +84,7 @@ def parse_yaml(text: str, name: str) -> Located:
 
 
 def _walk(node: yaml.Node, at: Key, name: str, places: dict[Key, str], parents: set[int]) -> Iterator[str]:
+    """Faults of a node and all below it; `places` gets the place of every key."""
     if id(node) in parents:
         yield f"{name}:{node.start_mark.line + 1}: expected a tree, got an anchor that contains itself"
         return
@@ -106,6 +113,7 @@ def _walk(node: yaml.Node, at: Key, name: str, places: dict[Key, str], parents: 
 
 
 def _kind(node: yaml.Node) -> str:
+    """Kind of a node, in words."""
     return type(node).__name__.removesuffix("Node").lower()
 
 

@@ -26,9 +26,9 @@ class IrradianceMap:
     visibility : ndarray of shape (L, H, W), the same
         Unshadowed share of each light, 0 ... 1; shadows the specular in the preview.
     coverage : ndarray of shape (H, W), float32
-        Of the atlas.
+        As the atlas's.
     plan : mapping of light name to tuple of Decision
-        What was decided for lights that leave something to decide.
+        Decisions on lights that leave something to decide.
     """
 
     tile: int

@@ -25,7 +25,7 @@ class Occluder:
     Attributes
     ----------
     subdivided : SubdividedMesh
-        What the rays meet.
+        Triangles that rays meet.
     centre_mm : ndarray of shape (3,)
         All origins are given relative to it.
     spacing_mm : float

@@ -55,7 +55,7 @@ class TexelSurface:
 
     @property
     def subdivided(self) -> SubdividedMesh:
-        """What the rays meet."""
+        """Triangles that rays meet."""
         return self.occluder.subdivided
 
     @cached_property

@@ -36,7 +36,7 @@ class PreviewLobe:
 
 @dataclass(frozen=True)
 class PreviewScene:
-    """What a bake left, ready to draw.
+    """Everything that a bake left, ready to draw.
 
     Attributes
     ----------

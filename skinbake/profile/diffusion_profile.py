@@ -1,4 +1,4 @@
-"""What every scattering model offers: R(r), T(r), totals, and nodes to fit at."""
+"""Interface of scattering models: R(r), T(r), totals, and nodes to fit at."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fit reports: its error, its energy, and the curves to plot."""
+"""Report of a fit: its error, its energy, and the curves to plot."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def error_against(gaussians: GaussianSum, nodes: FitNodes) -> tuple[Float, Float
     ----------
     gaussians : GaussianSum
     nodes : FitNodes
-        Of the other profile.
+        Nodes of the other profile.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""From the `skin:` part of a look to a profile."""
+"""Profile of the `skin:` part of a look."""
 
 from __future__ import annotations
 

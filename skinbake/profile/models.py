@@ -120,7 +120,7 @@ class LayeredProfile(SpectralProfile):
 
     @property
     def _sharp(self) -> Float:
-        """The same by channel, shape (C,)."""
+        """Delta of T(r) by channel, shape (C,)."""
         channels = len(self.layers[0].medium.albedo)
         return np.broadcast_to(sharp_stack_transmittance(self.layers, self.thin_layers), channels)
 

@@ -85,7 +85,7 @@ def _key(value: Any, loc: tuple[str | int, ...], kind: str) -> Key:
 
 
 def _sentence(kind: Any, fault: Any) -> str:
-    """What was expected and what came, for one fault of pydantic's."""
+    """Sentence on one fault of pydantic's: what was expected, and what came."""
     found, got, context = fault["type"], fault.get("input"), fault.get("ctx", {})
     if found == "extra_forbidden":
         return _unknown(str(fault["loc"][-1]), _keys_at(kind, fault["loc"][:-1]))

@@ -23,7 +23,9 @@ SpreadRgb = Annotated[Rgb, BeforeValidator(_one_for_all)]  # one number stands f
 
 
 class FitSpec(Strict):
-    """How many Gaussians: a number, or as few (up to 12) as meet `tolerance`, the r-weighted relative error."""
+    """Number of Gaussians, or the r-weighted relative error (`tolerance`) that as few as possible, up to 12, must
+    meet.
+    """
 
     gaussians: Annotated[int, Field(ge=1, le=12)] | None = None
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
@@ -96,7 +98,9 @@ class MultipoleSkin(_Layered):
 
 
 class TransportSkin(_Layered):
-    """The same layers by Monte Carlo [Wang1995]: R(r) of a perpendicular pencil beam per unit flux that entered."""
+    """Layers by Monte Carlo, theory.md 9.1 [Wang1995]: R(r) of a perpendicular pencil beam per unit flux that
+    entered.
+    """
 
     model: Literal["transport"]
     photons: Annotated[int, Field(ge=1, le=10**11)] = 400_000  # a channel

@@ -1,4 +1,4 @@
-"""Which settings to measure around a look, and what the measurements say. Nothing is run here."""
+"""Settings to measure around a look, and conclusions from the measurements. Nothing is run here."""
 
 from skinbake.tradeoff.judge import LIMITS, Row, cheapest, difference, pareto_front
 from skinbake.tradeoff.plan import EXTENTS, Reference, Setting, Sweep, plan_sweep

@@ -1,4 +1,4 @@
-"""What measurements say: errors, the Pareto front, the cheapest setting for a limit."""
+"""Conclusions from measurements: errors, the Pareto front, the cheapest setting for a limit."""
 
 from __future__ import annotations
 
