@@ -73,6 +73,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
         flip_v=spec.mesh.flip_v,
         unwrap=spec.texture.unwrap,
         any_size=spec.mesh.any_size,
+        uv_set=spec.mesh.uv_set,
     )
     lobes = tuple(_lobe(folder, entry, spec, names if separate else None) for entry in manifest["lobes"])
     try:

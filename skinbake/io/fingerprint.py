@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from skinbake.errors import InputError
+from skinbake.io.mesh.files import mesh_files
 from skinbake.scene.spec import SceneSpec
 
 PACKAGE = Path(__file__).parent.parent
@@ -50,7 +51,7 @@ def code_key(*parts: str) -> str:
 
 
 def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
-    """Files a look reads, by role; a map with `<UDIM>` in its name has one file a tile.
+    """Files a look reads, by role; a map with `<UDIM>` in its name has one file a tile, a .gltf may name others.
 
     Raises
     ------
@@ -65,6 +66,7 @@ def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
         roles[f"light.{light.name}"] = getattr(light, "path", None)
     roles["skin"] = getattr(spec.skin, "path", None)
     found = {role: tuple(files_named(path)) for role, path in roles.items() if path is not None}
+    found["mesh"] = mesh_files(spec.mesh.path)
     for role, files in found.items():
         if not files:
             raise InputError(f"{roles[role]}: expected a file for at least one UDIM tile, found none")

@@ -35,6 +35,7 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
             flip_v=spec.mesh.flip_v,
             unwrap=spec.texture.unwrap,
             any_size=spec.mesh.any_size,
+            uv_set=spec.mesh.uv_set,
         )
         try:
             tiles = tiles_of(mesh, spec.texture.udim)

@@ -20,6 +20,7 @@ class MeshSpec(Strict):
     unit: Literal["mm", "cm", "dm", "m", "inch"] | None = None
     mm_per_unit: Positive | None = None
     flip_v: bool = False
+    uv_set: Annotated[int, Field(ge=0, le=63)] | None = None  # of a glTF; by default its material's
     any_size: bool = False  # skips the scale gate, for test scenes that are not heads
 
     @model_validator(mode="after")

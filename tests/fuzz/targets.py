@@ -21,6 +21,7 @@ import numpy as np
 from skinbake.errors import SkinbakeError
 from tests.conftest import ROOT
 from tests.fuzz.mutate import TOKENS, damaged_bytes, damaged_text, damaged_tree, damaged_yaml
+from tests.gltf_files import Gltf
 from tests.shapes import quad, sphere
 
 Seeds = tuple[tuple[str, bytes], ...]  # file suffix, content
@@ -266,7 +267,7 @@ def mesh_seeds(suffix: str) -> Seeds:
     from skinbake.io.mesh import write_obj
 
     found = []
-    for mesh in (quad(3.0, 2.0), sphere(50.0, "cube", 8)):
+    for mesh in (quad(3.0, 2.0), sphere(50.0, "cube", 8)) if suffix != ".gltf" else ():
         with TemporaryDirectory() as folder:
             path = Path(folder) / "seed.obj"
             write_obj(path, mesh)
@@ -275,7 +276,69 @@ def mesh_seeds(suffix: str) -> Seeds:
         quads = "mtllib a.mtl\no part\ng a b\nusemtl skin\nv 0 0 0 1\nv 9 0 0\nv 9 9 0\nv 0 9 0\n"
         quads += "vt 0 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
         found += [(suffix, f"{quads}s off\nf 1/1 2/2 3/3 4/4\nf -4/-4 -3/-3 -2/-2\nl 1 2\np 1\n".encode())]
+        notch = "v 5 5 5\nvn 0 0 1\n\tf 1/1/1 2/2/1 5/3/1 3/3/1 4/4/1 # concave\nf 1//1 2//1 \\\n 3//1\ng\nf 1 2 3 4\n"
+        found += [(suffix, (quads + notch).encode())]
+    if suffix == ".ply":
+        found += [(suffix, data) for data in _plys()]
+    if suffix in (".glb", ".gltf"):
+        made = _character()
+        found = [*found[:1], (suffix, made.glb())] if suffix == ".glb" else [(suffix, made.gltf())]
     return tuple(found)
+
+
+def _plys() -> list[bytes]:
+    """Mixed faces with texcoord lists, and strips, as text and in both byte orders."""
+    head = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\n"
+    head += "property list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+    head += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    points = np.array([[0, 0, 0], [9, 0, 0], [9, 9, 0], [0, 9, 0]])
+    faces = [([0, 1, 2, 3], [0, 0, 1, 0, 1, 1, 0, 1]), ([0, 1, 2], [0, 0, 1, 0, 1, 1])]
+    strip = [0, 1, 2, -1, 3, 2, 1]
+    rows = [*points.tolist(), *([len(f), *f, len(uv), *uv] for f, uv in faces), [len(strip), *strip]]
+    text = "\n".join(" ".join(map(str, row)) for row in rows)
+    found = [f"ply\nformat ascii 1.0\ncomment TextureFile gone.png\n{head}{text}\n".encode()]
+    for order, name in (("<", "little"), (">", "big")):
+        data = points.astype(order + "f4").tobytes()
+        for face, uv in faces:
+            data += bytes([len(face)]) + np.array(face, order + "i4").tobytes()
+            data += bytes([len(uv)]) + np.array(uv, order + "f4").tobytes()
+        data += np.array([len(strip), *strip], order + "i4").tobytes()
+        found.append(f"ply\nformat binary_{name}_endian 1.0\n{head}".encode() + data)
+    return found
+
+
+def _character() -> Gltf:
+    """A skinned, morphed, quantised strip with sparse normals and a texture transform."""
+    made = Gltf()
+    points = np.array([[0, 0, 0], [90, 0, 0], [0, 90, 0], [90, 90, 0]])
+    normals = made.accessor(np.tile([0, 0, 127], (4, 1)), "b", normalized=True)
+    where, what = made.view(b"\1\0"), made.view(b"\0\x7f\0\0")
+    made.tree["accessors"][normals]["sparse"] = {
+        "count": 1, "indices": {"bufferView": where, "componentType": 5123}, "values": {"bufferView": what},
+    }  # fmt: skip
+    attributes = {
+        "POSITION": made.accessor(points, "h"),
+        "NORMAL": normals,
+        "TEXCOORD_1": made.accessor(points[:, :2] * 700, "H", normalized=True),
+        "JOINTS_0": made.accessor(np.tile([0, 1, 0, 0], (4, 1)), "B"),
+        "WEIGHTS_0": made.accessor(np.tile([127, 128, 0, 0], (4, 1)), "B", normalized=True),
+    }
+    made.mesh(attributes, made.accessor([0, 1, 2, 3], "B"), mode=5, targets=[{"POSITION": made.accessor(points)}])
+    extension = {"KHR_texture_transform": {"offset": [0.1, 0], "rotation": 0.1, "scale": [0.5, 0.5], "texCoord": 1}}
+    material = made.material(
+        name="skin", pbrMetallicRoughness={"baseColorTexture": {"index": 0, "extensions": extension}}
+    )
+    made.tree["meshes"][0]["primitives"][0]["material"] = material
+    made.tree["meshes"][0]["weights"] = [0.25]
+    binds = made.accessor(np.stack([np.eye(4).ravel()] * 2))
+    made.tree["skins"] = [{"joints": [1, 2], "inverseBindMatrices": binds}]
+    made.tree["nodes"] = [
+        {"mesh": 0, "skin": 0, "name": "head"},
+        {"rotation": [0, 0, 0.6, 0.8], "children": [2]},
+        {"matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 2, 3, 1], "scale": [2, 2, 2]},
+    ]
+    made.tree["scenes"] = [{"nodes": [0, 1]}]
+    return made
 
 
 def _exported(obj: Path, suffix: str) -> bytes:
@@ -295,8 +358,9 @@ def damage_mesh(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
 
 
 def read_any_mesh(path: Path) -> None:
-    from skinbake.io.mesh import read_mesh
+    from skinbake.io.mesh import mesh_files, read_mesh
 
+    assert mesh_files(path)[0] == path
     mesh = read_mesh(path, 1.0, any_size=True, without_uvs=True)
     assert len(mesh.faces) > 0
     assert mesh.faces.min() >= 0
@@ -426,6 +490,7 @@ TARGETS = {
         suffix[1:]: Target(lambda suffix=suffix: mesh_seeds(suffix), damage_mesh, read_any_mesh)
         for suffix in (".obj", ".glb", ".ply", ".stl", ".off")
     },
+    "gltf": Target(lambda: mesh_seeds(".gltf"), damage_json, read_any_mesh),
     "exr": Target(exr_seeds, damage_binary, read_exr),
     "image": Target(image_seeds, damage_binary, read_image),
     "table": Target(table_seeds, damage_table, read_table),

@@ -1,0 +1,15 @@
+"""Which files a mesh is made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from skinbake.io.mesh.gltf_file import files_of_gltf
+
+
+def mesh_files(path: Path | str) -> tuple[Path, ...]:
+    """A mesh's own file, there or not, then the buffers and images that it names and that are there."""
+    path = Path(path)
+    if path.suffix.lower() not in (".gltf", ".glb") or not path.is_file():
+        return (path,)
+    return (path, *files_of_gltf(path))

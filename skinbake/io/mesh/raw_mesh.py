@@ -1,0 +1,76 @@
+"""RawMesh: triangles as a file holds them, before units, welding and the choice of parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.errors import InputError
+from skinbake.numerics import Float
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """Triangles of one file in the file's own unit and world space, v up.
+
+    Attributes
+    ----------
+    positions : ndarray of shape (V, 3), float64
+        May hold vertices that no triangle uses, and equal ones.
+    faces : ndarray of shape (F, 3), int32
+        Counter-clockwise seen from outside.
+    corner_uv : ndarray of shape (F, 3, 2), float64
+        Zero where `has_uv` is false.
+    has_uv : ndarray of shape (F,), bool
+    corner_normal : ndarray of shape (F, 3, 3), float64
+        Of any length; zero where the file has none.
+    part : ndarray of shape (F,), int32
+        Index into `names`.
+    names : tuple of tuples of str
+        For each part the names it goes by: of an OBJ its object, groups and material, of a glTF its node, mesh and
+        material. May be empty.
+    """
+
+    positions: Float
+    faces: NDArray[np.int32]
+    corner_uv: Float
+    has_uv: NDArray[np.bool_]
+    corner_normal: Float
+    part: NDArray[np.int32]
+    names: tuple[tuple[str, ...], ...]
+
+
+def refuse_missing_vertices(path: Path, index: NDArray[np.integer], count: int) -> None:
+    """Refuse triangles that name vertices which a file does not hold.
+
+    Raises
+    ------
+    InputError
+        An index is not from 0 to `count` - 1.
+    """
+    if index.size and (index.min() < 0 or index.max() >= count):
+        bad = int(index.min() if index.min() < 0 else index.max())
+        raise InputError(f"{path}: a triangle names vertex {bad}, of {count} vertices")
+
+
+def joined(meshes: Sequence[RawMesh]) -> RawMesh:
+    """One RawMesh with the triangles and parts of several, in their order."""
+    if len(meshes) == 1:
+        return meshes[0]
+    vertices = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
+    parts = np.cumsum([0, *(len(mesh.names) for mesh in meshes)])
+    return RawMesh(
+        np.concatenate([np.zeros((0, 3)), *(mesh.positions for mesh in meshes)]),
+        np.concatenate(
+            [np.zeros((0, 3), np.int32), *(m.faces + np.int32(o) for m, o in zip(meshes, vertices, strict=False))]
+        ),
+        np.concatenate([np.zeros((0, 3, 2)), *(mesh.corner_uv for mesh in meshes)]),
+        np.concatenate([np.zeros(0, np.bool_), *(mesh.has_uv for mesh in meshes)]),
+        np.concatenate([np.zeros((0, 3, 3)), *(mesh.corner_normal for mesh in meshes)]),
+        np.concatenate([np.zeros(0, np.int32), *(m.part + np.int32(o) for m, o in zip(meshes, parts, strict=False))]),
+        tuple(names for mesh in meshes for names in mesh.names),
+    )

@@ -1,0 +1,32 @@
+"""UVs for a mesh that has none; the only file that knows xatlas."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skinbake.errors import InputError
+from skinbake.scene.mesh import SkinMesh
+
+
+def unwrap_mesh(mesh: SkinMesh, gutter_texels: int = 4) -> SkinMesh:
+    """The same mesh with one non-overlapping chart layout in [0, 1]^2, made by xatlas.
+
+    Raises
+    ------
+    InputError
+        xatlas leaves out or reorders triangles of this mesh.
+    """
+    import xatlas
+
+    atlas = xatlas.Atlas()
+    atlas.add_mesh(mesh.positions_mm.astype(np.float32), mesh.faces.astype(np.uint32))
+    charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
+    packing.padding = gutter_texels
+    packing.resolution = 1024
+    packing.bilinear = True
+    atlas.generate(charts, packing)
+    vertex, corner, uv = atlas[0]
+    if not np.array_equal(vertex[corner], mesh.faces):
+        raise InputError("xatlas could not unwrap this mesh face by face; clean it of duplicate triangles, or add UVs")
+    corner_uv = np.clip(uv[corner].astype(np.float64), 0.0, 1.0)
+    return SkinMesh(mesh.positions_mm, mesh.faces, corner_uv, mesh.corner_normal)
