@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+MOST_FAULTS = 20  # what a person reads of one configuration
+LONGEST = 1000  # characters of one fault
+
 
 class SkinbakeError(Exception):
     """A failure with a message for the person at the terminal; never shown as a traceback."""
@@ -22,7 +25,10 @@ class ConfigError(InputError):
     """Every fault of one configuration, each a line `file:line: key: expected ..., got ...`."""
 
     def __init__(self, faults: Sequence[str]) -> None:
-        super().__init__("\n".join(faults))
+        shown = [fault if len(fault) <= LONGEST else f"{fault[:LONGEST]} ..." for fault in faults[:MOST_FAULTS]]
+        if len(faults) > MOST_FAULTS:
+            shown.append(f"... and {len(faults) - MOST_FAULTS:,} more faults")
+        super().__init__("\n".join(shown))
         self.faults = tuple(faults)
 
 

@@ -121,11 +121,7 @@ def apply_overrides(located: Located, overrides: Iterable[str]) -> None:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise ConfigError([f"--set {text}: expected dotted.key=value"])
-        try:
-            parsed = parse_value(value)
-        except Exception as error:  # any YAML fault: the message names the option
-            raise ConfigError([f"--set {text}: expected a YAML value, got {value!r}"]) from error
-        put(located, name.strip(), parsed, f"--set {name.strip()}")
+        put(located, name.strip(), parse_value(value, f"--set {name.strip()}"), f"--set {name.strip()}")
         resolve_paths(located, Path.cwd(), only=f"--set {name.strip()}")
 
 

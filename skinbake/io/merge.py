@@ -18,11 +18,11 @@ _KEPT_OF_A_SKIN = {"fit", "normalise"}
 
 def part_of(located: Located, at: Key) -> Located:
     """A copy of the mapping below `at`, its places with it."""
-    value = copy.deepcopy(located.value)
+    value = located.value
     for part in at:
         value = value[part]
     places = {key[len(at) :]: place for key, place in located.places.items() if key[: len(at)] == at}
-    return Located(value, {(): located.place(at)} | places)
+    return Located(copy.deepcopy(value), {(): located.place(at)} | places)
 
 
 def lay_over(base: Located, over: Located) -> Located:

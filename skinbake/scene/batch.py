@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -12,6 +14,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 from skinbake.scene.strict import Strict
 
 Key = tuple[str | int, ...]
+MOST_LOOKS = 10_000
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 # `medium:` with nothing after it is an option that changes nothing
 Override = Annotated[dict[str, Any], BeforeValidator(lambda value: {} if value is None else value)]
@@ -48,8 +51,11 @@ class BatchSpec(Strict):
         empty = [axis for axis, options in self.matrix.items() if not options]
         if empty:
             raise ValueError(f"expected at least one option in matrix.{empty[0]}, got none")
-        names = [plan.name for plan in expand(self)]
-        twice = sorted({name for name in names if names.count(name) > 1})
+        looks = len(self.jobs) + math.prod(map(len, self.matrix.values())) * bool(self.matrix)
+        if looks > MOST_LOOKS:
+            raise ValueError(f"expected at most {MOST_LOOKS:,} looks, got {looks:,}")
+        names = Counter(plan.name for plan in expand(self))
+        twice = sorted(name for name, count in names.items() if count > 1)
         if twice:
             raise ValueError(f"expected job names that differ, got {', '.join(twice)} more than once")
         return self

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from skinbake.errors import ConfigError
+from skinbake.errors import MOST_FAULTS, ConfigError
 from skinbake.scene.strict import Strict
 
 Key = tuple[str | int, ...]
@@ -33,7 +33,7 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str]) -> Any:
     try:
         return TypeAdapter(kind).validate_python(mapping)
     except ValidationError as error:
-        faults = []
+        faults: dict[str, None] = {}  # each once, in order
         found = error.errors(include_url=False)
         for fault in found:
             if fault["type"] == "too_short" and any(
@@ -43,10 +43,8 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str]) -> Any:
             key = _key(mapping, fault["loc"], fault["type"])
             if fault["type"].startswith("union_tag"):
                 key = (*key, fault["ctx"]["discriminator"].strip("'"))
-            line = say(key, _sentence(kind, fault))
-            if line not in faults:
-                faults.append(line)
-        raise ConfigError(faults) from error
+            faults.setdefault(say(key, _sentence(kind, fault) if len(faults) < MOST_FAULTS else fault["msg"]))
+        raise ConfigError(tuple(faults)) from error
 
 
 def unknown_keys(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str]) -> list[str]:
@@ -64,7 +62,10 @@ def unknown_keys(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str]
         TypeAdapter(kind).validate_python(mapping)
     except ValidationError as error:
         faults = [fault for fault in error.errors(include_url=False) if fault["type"] == "extra_forbidden"]
-        return [say(_key(mapping, fault["loc"], fault["type"]), _sentence(kind, fault)) for fault in faults]
+        return [
+            say(_key(mapping, f["loc"], f["type"]), _sentence(kind, f) if i < MOST_FAULTS else f["msg"])
+            for i, f in enumerate(faults)
+        ]
     return []
 
 

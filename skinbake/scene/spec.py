@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
@@ -172,7 +173,7 @@ class SceneSpec(Strict):
     maps: MapsSpec = MapsSpec()
     texture: TextureSpec = TextureSpec()
     skin: SkinSpec
-    lights: Annotated[tuple[LightSpec, ...], Field(min_length=1)]
+    lights: Annotated[tuple[LightSpec, ...], Field(min_length=1, max_length=1024)]
     shadows: bool = True
     diffusion: DiffusionSpec = DiffusionSpec()
     texturing: TexturingSpec = TexturingSpec()
@@ -185,7 +186,7 @@ class SceneSpec(Strict):
     @classmethod
     def _names_differ(cls, lights: tuple[Any, ...]) -> tuple[Any, ...]:
         names = [light.name for light in lights]
-        twice = sorted({name for name in names if names.count(name) > 1})
+        twice = sorted(name for name, count in Counter(names).items() if count > 1)
         if twice:
             raise ValueError(f"expected light names that differ, got {', '.join(twice)} more than once")
         return lights

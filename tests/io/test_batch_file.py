@@ -174,3 +174,10 @@ def test_the_project_s_batch_is_valid():
     found = load_batch(ROOT / "configs" / "looks.yaml")
     assert len(found.jobs) == 6
     assert {Path(job.spec.mesh.path) for job in found.jobs} == {ROOT / "data" / "head.obj"}
+
+
+def test_a_matrix_of_millions_is_refused_by_its_number(batch):
+    """Before its names are made."""
+    options = "{" + ", ".join(f"o{i}: {{}}" for i in range(10)) + "}"
+    text = "defaults: {base: looks/look.yaml}\nmatrix:\n" + "".join(f"  a{i}: {options}\n" for i in range(7))
+    assert faults(batch(text)) == ["looks.yaml:1: expected at most 10,000 looks, got 10,000,000"]
