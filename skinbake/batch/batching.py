@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +102,8 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
             for figure in ("hits", "misses")
         },
     }
-    with file_lock(plan.batch.folder / ".batch.lock"):  # another batch may bake other looks of the file
+    tell = partial(console.print, markup=False, soft_wrap=True)
+    with file_lock(plan.batch.folder / ".batch.lock", tell):  # another batch may bake other looks of the file
         report["jobs"] = _entries(plan, results)
         write_text(plan.batch.folder / NAME, json.dumps(report, indent=1) + "\n")
         if plan.preview:
