@@ -59,7 +59,13 @@ class GltfFile:
                 raise InputError(f"{path}: requires {name}, which is not supported; export it without {name}")
 
     def item(self, kind: str, index: Any) -> dict[str, Any]:
-        """One entry of a top-level list."""
+        """One entry of a top-level list.
+
+        Raises
+        ------
+        InputError
+            There is no such entry.
+        """
         entries = self.tree.get(kind, [])
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(entries):
             raise InputError(f"{self.path}: expected one of {len(entries)} {kind}, got {index!r}")
@@ -75,7 +81,13 @@ class GltfFile:
         return {}
 
     def buffer(self, index: Any) -> bytes:
-        """The bytes of a buffer."""
+        """The bytes of a buffer.
+
+        Raises
+        ------
+        InputError
+            It holds no data, or too little.
+        """
         entry = self.item("buffers", index)
         if index not in self._buffers:
             length = int(entry["byteLength"])
@@ -91,7 +103,13 @@ class GltfFile:
         return self._buffers[index]
 
     def resource(self, uri: str) -> bytes:
-        """What a URI leads to: data in the file itself, or another file beside it."""
+        """What a URI leads to: data in the file itself, or another file beside it.
+
+        Raises
+        ------
+        InputError
+            There is no such file beside it, or its data cannot be decoded.
+        """
         if uri.startswith("data:"):
             head, _, body = uri.partition(",")
             try:
@@ -156,7 +174,13 @@ class GltfFile:
         return found.tobytes()
 
     def accessor(self, index: Any, columns: tuple[int, ...]) -> NDArray:
-        """Rows of an accessor as they are stored, shape (count, n) with n one of `columns`; sparse values filled in."""
+        """Rows of an accessor as they are stored, shape (count, n) with n one of `columns`; sparse values filled in.
+
+        Raises
+        ------
+        InputError
+            The accessor does not fit, or reaches past its data.
+        """
         entry = self.item("accessors", index)
         width, count = COLUMNS[entry["type"]], int(entry["count"])
         if width not in columns:

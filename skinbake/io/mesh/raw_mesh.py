@@ -47,6 +47,14 @@ class RawMesh:
 def refuse_missing_vertices(path: Path, index: NDArray[np.integer], count: int) -> None:
     """Refuse triangles that name vertices which a file does not hold.
 
+    Parameters
+    ----------
+    path : Path
+        For the message.
+    index : ndarray of int
+    count : int
+        Vertices of the file.
+
     Raises
     ------
     InputError

@@ -1,4 +1,4 @@
-"""Whether a mesh can be a head, and which unit would make it one."""
+"""Size gate: refuse what cannot be a head, and name the unit that would make it one."""
 
 from __future__ import annotations
 
@@ -16,6 +16,14 @@ TYPICAL_HEAD_MM = 240.0
 
 def refuse_wrong_size(path: Path, positions_mm: Float, mm_per_unit: float) -> None:
     """Refuse what cannot be a head, and say which unit would make it one.
+
+    Parameters
+    ----------
+    path : Path
+        For the message.
+    positions_mm : ndarray of shape (V, 3)
+    mm_per_unit : float
+        The unit by which they came to be millimetres.
 
     Raises
     ------

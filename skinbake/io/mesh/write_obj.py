@@ -11,7 +11,20 @@ from skinbake.scene.mesh import SkinMesh
 
 
 def write_obj(path: Path | str, mesh: SkinMesh, mm_per_unit: float = 1.0) -> None:
-    """Write positions, UVs (v up) and normals as OBJ; equal UVs and normals are written once."""
+    """Write positions, UVs (v up) and normals as OBJ; equal UVs and normals are written once.
+
+    Parameters
+    ----------
+    path : path
+    mesh : SkinMesh
+    mm_per_unit : float
+        Millimetres of one unit in the file.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `atomic_write`.
+    """
     uv, uv_of = np.unique(mesh.corner_uv.reshape(-1, 2), axis=0, return_inverse=True)
     normal, normal_of = np.unique(mesh.corner_normal.reshape(-1, 3), axis=0, return_inverse=True)
     address = 1 + np.stack([mesh.faces.ravel(), uv_of.ravel(), normal_of.ravel()], axis=1).reshape(-1, 9)
