@@ -14,14 +14,14 @@ MAX_EVENTS = (
     1_000_000  # without absorption a walk in a half-space has no mean length; what is left then is counted as lost
 )
 
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _mixed(state):  # type: ignore[no-untyped-def]
+def mixed(state):  # type: ignore[no-untyped-def]
     """Random 64 bits from a counter: the output function of splitmix64 [Steele2014]."""
     z = (state ^ (state >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
@@ -29,13 +29,13 @@ def _mixed(state):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _uniform(bits):  # type: ignore[no-untyped-def]
+def uniform(bits):  # type: ignore[no-untyped-def]
     """Number inside (0, 1) from 64 random bits; 0 and 1 never occur, so a logarithm is always finite."""
     return (np.float64(bits >> _S11) + 0.5) * (1.0 / 9007199254740992.0)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
+def fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
     """Unpolarised Fresnel reflectance, and the cosine beyond the face (0 at total reflection).
 
     Parameters
@@ -90,7 +90,7 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
     tally = np.zeros((2, 2, bins))
     other = np.zeros(2)
     layers = len(sigma_t)
-    state = _mixed(seed + _GOLDEN)
+    state = mixed(seed + GOLDEN)
     for _ in range(photons):
         x, y, z = 0.0, 0.0, 0.0
         ux, uy, uz = 0.0, 0.0, 1.0
@@ -100,8 +100,8 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
         leaves = -1
         while weight > 0.0:
             # Optical depth to the next event, spent across as many layers as it lasts
-            state += _GOLDEN
-            depth = -math.log(_uniform(_mixed(state)))
+            state += GOLDEN
+            depth = -math.log(uniform(mixed(state)))
             while True:
                 if uz > 0.0:
                     distance = (face[layer + 1] - z) / uz
@@ -122,9 +122,9 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
                 down = uz > 0.0
                 z = face[layer + 1] if down else face[layer]
                 beyond = layer + 1 if down else layer - 1
-                reflected, cos_to = _fresnel(index[layer + 1], index[beyond + 1], abs(uz))
-                state += _GOLDEN
-                if reflected > 0.0 and _uniform(_mixed(state)) < reflected:
+                reflected, cos_to = fresnel(index[layer + 1], index[beyond + 1], abs(uz))
+                state += GOLDEN
+                if reflected > 0.0 and uniform(mixed(state)) < reflected:
                     uz = -uz
                     continue
                 if beyond < 0 or beyond == layers:
@@ -146,10 +146,10 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
                 weight = 0.0
                 break
             if weight < ROULETTE_BELOW:
-                state += _GOLDEN
-                weight = weight / ROULETTE_SURVIVAL if _uniform(_mixed(state)) < ROULETTE_SURVIVAL else 0.0
-            state += _GOLDEN
-            u = _uniform(_mixed(state))
+                state += GOLDEN
+                weight = weight / ROULETTE_SURVIVAL if uniform(mixed(state)) < ROULETTE_SURVIVAL else 0.0
+            state += GOLDEN
+            u = uniform(mixed(state))
             # Polar angle of Henyey and Greenstein's phase function, azimuth even
             mean = g[layer]
             if mean == 0.0:
@@ -158,8 +158,8 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
                 part = (1.0 - mean * mean) / (1.0 - mean + 2.0 * mean * u)
                 cos_theta = min(1.0, max(-1.0, (1.0 + mean * mean - part * part) / (2.0 * mean)))
             sin_theta = math.sqrt(1.0 - cos_theta * cos_theta)
-            state += _GOLDEN
-            phi = 2.0 * math.pi * _uniform(_mixed(state))
+            state += GOLDEN
+            phi = 2.0 * math.pi * uniform(mixed(state))
             cos_phi, sin_phi = math.cos(phi), math.sin(phi)
             # Turn the direction by both angles; along the normal the general form is 0/0
             if abs(uz) > VERTICAL:
