@@ -16,6 +16,7 @@ ORDER = [
     "profile",
     "atlas",
     "irradiance",
+    "transport",
     "diffuse",
     "pipeline",
     "compare",

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.irradiance.emitter import colour, emitter
+from skinbake.irradiance.punctual_light import colour, emitter
 from skinbake.irradiance.smooth_surface import SmoothSurface, descend
 from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
@@ -51,7 +51,7 @@ def light_leaving(
     progress: Callable[[int], None] | None = None,
     threads: int | None = None,
 ) -> LightLeaving:
-    """Walk from points of a closed surface; THEORY section 9.2.
+    """Walk from points of a closed surface; theory.md 9.2.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ def light_leaving(
     def work(p: int) -> None:
         for group in range(GROUPS):
             stream = np.random.SeedSequence([seed, first + p, group]).generate_state(1, np.uint64)[0]
-            walk_from(
-                owner.rays, kernel_medium, kernel_lights, stream, each, *position[p], *normal[p], found[p, group]
-            )
+            x, y, z = position[p]
+            nx, ny, nz = normal[p]
+            walk_from(owner.rays, kernel_medium, kernel_lights, stream, each, x, y, z, nx, ny, nz, found[p, group])
         if progress:
             progress(1)
 
@@ -115,7 +115,17 @@ def light_leaving(
 
 
 def points_of(rays: RayScene, levels: int, face: NDArray[np.int32], barycentric: Float) -> tuple[Float, Float]:
-    """Positions about the rays' centre and outward unit normals of places in the mesh's faces, both (P, 3)."""
+    """Positions about the rays' centre and outward unit normals of places in the mesh's faces, both (P, 3).
+
+    Parameters
+    ----------
+    rays : RayScene
+    levels : int
+        Of the smooth surface that the rays meet.
+    face : ndarray of shape (P,)
+    barycentric : ndarray of shape (P, 2)
+        Barycentrics 1 and 2.
+    """
     position, normal = np.empty((len(face), 3)), np.empty((len(face), 3))
     for p, (f, (b1, b2)) in enumerate(zip(face, barycentric, strict=True)):
         fine, c1, c2 = descend.py_func(int(f), float(b1), float(b2), levels)
@@ -153,7 +163,7 @@ def _lights(
         else:
             source[i] = emitter(light, centre_mm)
             unit[i] = colour(light)
-    size = max((sky.shape[0] for sky in skies.values()), default=1), max((s.shape[1] for s in skies.values()), default=1)
+    size = tuple(max((sky.shape[axis] for sky in skies.values()), default=1) for axis in (0, 1))
     sky = np.zeros((count, *size, 3), np.float32)
     for i, image in skies.items():
         rows = np.arange(size[0]) * image.shape[0] // size[0]

@@ -11,13 +11,12 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 from numpy.typing import NDArray
 
 from skinbake.errors import MachineError
 from skinbake.irradiance.smooth_surface import SmoothSurface
+from skinbake.kernels.c_call import call_with_pointers
 from skinbake.numerics import Float, normalized
 
 RAY_FLOATS = 32  # of a ray's buffer: RTCRayHit has 80 bytes, 96 where instances have two numbers
@@ -122,20 +121,6 @@ def _library() -> Any:
     return rtc
 
 
-@intrinsic
-def _call(typing: Any, function: Any, scene: Any, ray: Any) -> Any:
-    """rtcIntersect1(scene, ray, NULL), `ray` the address of its structure."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        byte = ir.IntType(8).as_pointer()
-        of_type = ir.FunctionType(ir.VoidType(), [byte, byte, byte])
-        target = builder.inttoptr(args[0], of_type.as_pointer())
-        builder.call(target, [builder.inttoptr(args[1], byte), builder.inttoptr(args[2], byte), byte(None)])
-        return context.get_dummy_value()
-
-    return types.none(types.int64, types.int64, types.int64), generate
-
-
 @njit(cache=True, nogil=True)
 def ray_buffer():  # type: ignore[no-untyped-def]
     """Room for a ray on a boundary that Embree wants, as float32, as uint32, and its address; one for each thread."""
@@ -170,7 +155,7 @@ def first_hit(rays, buffer, px, py, pz, dx, dy, dz, reach):  # type: ignore[no-u
     bits[9], bits[10], bits[11] = NOTHING, np.uint32(0), np.uint32(0)
     bits[18] = NOTHING  # geomID
     bits[19], bits[20] = NOTHING, NOTHING
-    _call(rays.intersect, rays.scene, address)
+    call_with_pointers(rays.intersect, rays.scene, address)
     if bits[18] == NOTHING:
         return reach, -1, 0.0, 0.0
     return np.float64(ray[8]), np.int64(bits[17]), np.float64(ray[15]), np.float64(ray[16])

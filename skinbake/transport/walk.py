@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from skinbake.irradiance.emitter import towards
+from skinbake.irradiance.punctual_light import towards
 from skinbake.numerics import Float
 from skinbake.profile.photons import GOLDEN, VERTICAL, fresnel, mixed, uniform
 from skinbake.transport.surface_rays import first_hit, ray_buffer
@@ -76,6 +76,7 @@ class WalkLights(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _share_at(share, cosine):  # type: ignore[no-untyped-def]
+    """Share of arriving light that enters, linear between the table's cosines."""
     x = min(max(cosine, 0.0), 1.0) * (len(share) - 1)
     i = min(int(x), len(share) - 2)
     return share[i] + (x - i) * (share[i + 1] - share[i])
@@ -152,9 +153,7 @@ def _beyond(rays, buffer, px, py, pz, dx, dy, dz, distance, eta, faint_mm):  # t
     """
     t, inside, passes, depth, blocked = 0.0, 0.0, 1.0, 0, False
     for _ in range(MAX_CROSSINGS):
-        step, f, _b1, _b2 = first_hit(
-            rays, buffer, px + t * dx, py + t * dy, pz + t * dz, dx, dy, dz, distance - t
-        )
+        step, f, _b1, _b2 = first_hit(rays, buffer, px + t * dx, py + t * dy, pz + t * dz, dx, dy, dz, distance - t)
         if f < 0:
             break
         cosine = rays.normal[f, 0] * dx + rays.normal[f, 1] * dy + rays.normal[f, 2] * dz
@@ -287,17 +286,17 @@ def _look_for(  # type: ignore[no-untyped-def]
         distance += way
     if f < 0 or not casts:
         return sent * gain, ux, uy, uz, way, False, 0.0, 1.0
-    start = way + rays.step_mm
-    blocked, inside, passes = _beyond(
-        rays, buffer, px + way * ux + rays.step_mm * rays.normal[f, 0], py + way * uy + rays.step_mm * rays.normal[f, 1],
-        pz + way * uz + rays.step_mm * rays.normal[f, 2], wx, wy, wz, max(distance - start, 0.0), eta, faint_mm,
-    )  # fmt: skip
+    qx = px + way * ux + rays.step_mm * rays.normal[f, 0]
+    qy = py + way * uy + rays.step_mm * rays.normal[f, 1]
+    qz = pz + way * uz + rays.step_mm * rays.normal[f, 2]
+    left_mm = max(distance - way - rays.step_mm, 0.0)
+    blocked, inside, passes = _beyond(rays, buffer, qx, qy, qz, wx, wy, wz, left_mm, eta, faint_mm)
     return sent * gain, ux, uy, uz, way, blocked, inside, passes
 
 
 @njit(cache=True, nogil=True)
 def _radiance(sky, rotate, x, y, z, channel):  # type: ignore[no-untyped-def]
-    """Of a sky from a direction, as `direction_of` lays its map out."""
+    """Radiance of a sky from a direction, as `direction_of` lays its map out."""
     height, width = sky.shape[0], sky.shape[1]
     row = int(math.acos(min(max(y, -1.0), 1.0)) / math.pi * height)
     place = 0.5 - (math.atan2(x, z) - rotate) / (2.0 * math.pi)
@@ -451,8 +450,10 @@ def walk_from(rays, medium, lights, seed, walks, px, py, pz, nx, ny, nz, out):  
                             for light in range(count):
                                 if lights.kind[light] == SKY:
                                     for c in range(3):
-                                        brings = weight[c] * opened * _radiance(
-                                            lights.sky[light], lights.rotate[light], ox, oy, oz, c
+                                        brings = (
+                                            weight[c]
+                                            * opened
+                                            * _radiance(lights.sky[light], lights.rotate[light], ox, oy, oz, c)
                                         )
                                         out[WHOLE, light, c] += brings
                                         if left == 0:
