@@ -6,10 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from skinbake.cli.compiled import use_fresh_cache
-
-use_fresh_cache()  # before any test module imports numba
-
 ROOT = Path(__file__).parent.parent
 ASSETS = ROOT.parent / "shared" / "assets"
 

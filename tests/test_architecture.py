@@ -74,3 +74,9 @@ def test_help_imports_nothing_heavy():
         "pyrender",
         "rich",
     }
+
+
+def test_kernels_are_compiled_in_one_way():
+    """`skinbake.kernels.compile.kernel` alone calls numba's compiler: what it does not know is not kept by content."""
+    alone = ROOT / "skinbake" / "kernels" / "compile.py"
+    assert [file for file in FILES if file != alone and "njit" in file.read_text()] == []

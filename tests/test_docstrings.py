@@ -35,7 +35,7 @@ def parameters(function):
 
 def is_kernel(function):
     """Compiled by numba."""
-    return any(name.split(".")[-1] in ("njit", "jit", "vectorize", "guvectorize") for name in decorators(function))
+    return any(name.split(".")[-1] in ("kernel", "njit") for name in decorators(function))
 
 
 def is_public(function, inside):
@@ -57,7 +57,7 @@ def raises_by_itself(function):
 
 def test_the_rules_find_what_they_look_for():
     """Each rule, tried on code that breaks it."""
-    source = "@njit(cache=True)\ndef kernel(a, b, c):\n    def inner(a, b, c):\n        raise ValueError(a)\n"
+    source = "@kernel(inline=True)\ndef kernel(a, b, c):\n    def inner(a, b, c):\n        raise ValueError(a)\n"
     (kernel, outside), (inner, inside) = functions(ast.parse(source))
     assert (outside, inside) == (False, True)
     assert (is_kernel(kernel), is_kernel(inner)) == (True, False)

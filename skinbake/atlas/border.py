@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.coverage import BAND_ROWS
 from skinbake.atlas.raster import NO_FACE
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -52,7 +53,7 @@ def chart_edges(mesh: SkinMesh, uv_area: Float) -> NDArray[np.int64]:
     return np.flatnonzero(is_border)
 
 
-@njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def nearest_chart_points(
     corner_xy: Float,
     edges: NDArray[np.int64],

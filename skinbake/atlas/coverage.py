@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 FULL = 1e-6  # round-off below which a texel counts as wholly covered
 BAND_ROWS = 32  # rows that one task owns: no two tasks write the same texel, whatever the number of threads
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Items by band of `BAND_ROWS` rows: compressed lists, band by band and in ascending order.
 
@@ -53,7 +54,7 @@ def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.in
     return start, items
 
 
-@njit(cache=True)
+@kernel
 def _edge(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
     """Twice the signed area of (a, b, p), texels^2, evaluated in one vertex order.
 
@@ -71,7 +72,7 @@ def _edge(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> f
     return -((ax - bx) * (py - by) - (ay - by) * (px - bx))
 
 
-@njit(cache=True)
+@kernel
 def _clip(poly: Float, n: int, axis: int, keep_above: bool, bound: float, out: Float) -> int:
     """Clip a polygon against one axis-aligned line (Sutherland-Hodgman); the number of corners left.
 
@@ -106,7 +107,7 @@ def _clip(poly: Float, n: int, axis: int, keep_above: bool, bound: float, out: F
     return m
 
 
-@njit(cache=True)
+@kernel
 def _twice_area(poly: Float, n: int) -> float:
     """Twice the signed area of a polygon's first n corners."""
     total = 0.0
@@ -116,7 +117,7 @@ def _twice_area(poly: Float, n: int) -> float:
     return total
 
 
-@njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def rasterize_coverage(
     corner_xy: Float,
     mm2_per_texel: Float,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE, AtlasRaster
+from skinbake.kernels.compile import kernel
 
 
 def interpolate(raster: AtlasRaster, corner_values: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -31,7 +32,7 @@ def interpolate(raster: AtlasRaster, corner_values: NDArray[np.floating]) -> NDA
     return out
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _interpolate(
     face_index: NDArray[np.int32],
     barycentric: NDArray[np.float32],

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.metric import first_fundamental_form
 from skinbake.atlas.raster import NO_FACE, Atlas
 from skinbake.atlas.rasterize import signed_uv_area, tile_origin
 from skinbake.errors import InputError
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -181,7 +182,7 @@ def refuse_spoilt(report: UvReport, path: str) -> None:
         raise InputError("\n".join(f"{path}: {fault}" for fault in report.faults))
 
 
-@njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _mark_overlaps(
     corner_xy: Float,
     drawn: NDArray[np.bool_],

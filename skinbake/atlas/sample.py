@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE, AtlasRaster
 from skinbake.atlas.rasterize import tile_origin
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -76,7 +77,7 @@ def shrink(image: Image, shape: tuple[int, int]) -> Image:
     return out
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _shrink_rows(image: Image, rows: int) -> Image:
     """Image (h, n) averaged over boxes to `rows` rows; boxes may end within a row."""
     out = np.empty((rows, image.shape[1]), dtype=np.float32)
@@ -93,7 +94,7 @@ def _shrink_rows(image: Image, rows: int) -> Image:
     return out
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _read_map(face_index: NDArray[np.int32], barycentric: Image, corner_uv: Float, image: Image, out: Image) -> None:
     """Map values (H, W, k) at the texels, written to `out`.
 
@@ -116,7 +117,7 @@ def _read_map(face_index: NDArray[np.int32], barycentric: Image, corner_uv: Floa
                 out[row, col, k] = bilinear(image, k, y0, y1, fy, x0, x1, fx)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def place_in_map(
     corner_uv: Float, f: int, b1: float, b2: float, height: int, width: int
 ) -> tuple[int, int, float, int, int, float]:
@@ -148,7 +149,7 @@ def place_in_map(
     return y0, min(y0 + 1, height - 1), y - y0, x0, min(x0 + 1, width - 1), x - x0
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def bilinear(image: Image, k: int, y0: int, y1: int, fy: float, x0: int, x1: int, fx: float) -> float:
     """Channel k of a map, read bilinearly.
 

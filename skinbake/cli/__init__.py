@@ -12,7 +12,6 @@ import click
 
 import skinbake
 from skinbake.bake.machine import reuse_freed
-from skinbake.cli.compiled import use_fresh_cache
 from skinbake.errors import SkinbakeError
 
 VERBS = {
@@ -62,7 +61,6 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Run a verb and give its exit code."""
-    use_fresh_cache()
     reuse_freed()
     gc.set_threshold(50_000)  # imports make many objects that stay: looking them through ever again takes 0.1 s
     try:

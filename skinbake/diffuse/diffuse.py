@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
@@ -19,6 +19,7 @@ from skinbake.diffuse.planning.lobe_plan import LobePlan, plan_lines, plan_lobes
 from skinbake.diffuse.probes import VERIFY, VERIFY_AGAIN, Probes, draw_probes, squeezed_share
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.errors import InputError
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.mesh import SkinMesh
@@ -250,7 +251,7 @@ def _area_sum(tiles: Tiles, points: list[TexelPoints]) -> Float:
     return total
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _area_sums(rgb, flat, area, blocks):  # type: ignore[no-untyped-def]
     for block in prange(len(blocks)):
         for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(flat))):

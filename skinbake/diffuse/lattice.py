@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ive
 
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 TAIL = 1e-6  # 1-D mass that truncation may lose, both sides together
@@ -75,7 +75,7 @@ def residual_kernel(t: float, t_fourth: float) -> Float:
     return _trimmed(both[len(both) // 2 :], TAIL)
 
 
-@njit(cache=True)
+@kernel
 def lattice_variance(variance, texel, table):  # type: ignore[no-untyped-def]
     """Parameter of a sampled Gaussian whose variance on a lattice is right, although it may be far below one texel.
 
@@ -101,7 +101,7 @@ def lattice_variance(variance, texel, table):  # type: ignore[no-untyped-def]
     return _at(variance / texel, table[0]) * texel
 
 
-@njit(cache=True)
+@kernel
 def lattice_gain(variance, texel, table):  # type: ignore[no-untyped-def]
     """2 pi t / (sum_n exp(-n^2 / 2t'))^2: makes the 2-D lattice sum that of the continuous Gaussian."""
     if texel <= 0 or variance >= texel:
@@ -110,7 +110,7 @@ def lattice_gain(variance, texel, table):  # type: ignore[no-untyped-def]
     return 2 * np.pi * t / _at(t, table[1]) ** 2
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _at(t, values):  # type: ignore[no-untyped-def]
     """The bits of a float32 count evenly within an octave, which spares a logarithm."""
     at = min(max(np.float32(t).view(np.int32) - _FIRST_BITS, 0), ((len(values) - 1) << _STEP_BITS) - 1)

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, tile_origin
 from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -139,7 +140,7 @@ def _block_sums(area: NDArray[np.float32], liked: NDArray[np.float32], most: flo
     return sums
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _add_blocks(area, liked, most, sums):  # type: ignore[no-untyped-def]
     for block in prange(len(sums)):
         total, preferred, texels = 0.0, 0.0, 0
@@ -152,7 +153,7 @@ def _add_blocks(area, liked, most, sums):  # type: ignore[no-untyped-def]
         sums[block, 0], sums[block, 1], sums[block, 2] = total, preferred, texels
 
 
-@njit(cache=True)
+@kernel
 def _rows_of(area, liked, most, rate, liked_rate, block, rest):  # type: ignore[no-untyped-def]
     """The texel of each draw: where the chances of its block, one after another, exceed the rest of the draw."""
     rows = np.empty(len(block), np.int64)

@@ -6,8 +6,10 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from numba import float32, get_num_threads, int32, njit, uint16
+from numba import float32, get_num_threads, int32, uint16
 from numpy.typing import NDArray
+
+from skinbake.kernels.compile import kernel
 
 # Bits of floats without their sign
 _INFINITY = 0x7F800000
@@ -45,7 +47,7 @@ def as_half(values: NDArray[Any]) -> NDArray[np.float16]:
     return half
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _round(values: NDArray[np.float32], bits: NDArray[np.int32], half: NDArray[np.uint16]) -> None:
     """Round floats to halves by their bits.
 

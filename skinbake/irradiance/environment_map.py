@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import shrink
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
@@ -122,7 +123,7 @@ def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
     return out.astype(np.float32).reshape(NORMALS + 1, NORMALS + 1, 3)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float:
     """Sum of flux times clamped cosine, (n, 3), scaled so that constant radiance gives exactly pi.
 
@@ -150,7 +151,7 @@ def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float
     return out
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
     """Irradiance at texels by their normals, read bilinearly from `irradiance_table`.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from skinbake.irradiance.occluder import Occluder, spread
 from skinbake.irradiance.oil_albedo import albedo_at
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, safe_div
 
 Image = NDArray[np.float32]
@@ -78,13 +78,13 @@ def open_sums(
     return out
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _cosine(normal: Image, i: int, directions: Image, s: int) -> float:
     """Cosine between normal i (n, 3) and direction s of `directions` (3, s)."""
     return normal[i, 0] * directions[0, s] + normal[i, 1] * directions[1, s] + normal[i, 2] * directions[2, s]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: Image) -> int:
     """Rays from each point to the directions above its horizon, point after point; the number of rays.
 
@@ -106,7 +106,7 @@ def _aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: I
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sum(
     clear: NDArray[np.bool_],
     normal: Image,

@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
@@ -46,7 +47,7 @@ def harmonic_matrix(radiance: Image, rotate_deg: float = 0.0) -> Float:
     return np.ascontiguousarray(np.moveaxis(np.array(rows_of_m), 2, 0))
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def light_by_harmonics(matrix: Float, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
     """Irradiance at texels by their normals, theory.md 10.3; 0 where the series rings below 0.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
@@ -18,6 +18,7 @@ from skinbake.irradiance.punctual_light import colour, emitter, unshadowed
 from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.surface import TexelSurface, texel_surface
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
@@ -141,7 +142,7 @@ def _light_one(
     _colour(arriving, seen, colour(light), out)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _colour(arriving: Image, seen: Image, light_rgb: Float, out: Image) -> None:
     """Irradiance (R, G, B) and unshadowed share, written to `out` (H, W, 4).
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, sample_map, signed_uv_area, uv_jacobian
 from skinbake.atlas.raster import NO_FACE
 from skinbake.atlas.sample import bilinear, fitted_map, place_in_map
 from skinbake.irradiance.shadow_origin import facet_point
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, normalized
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -76,7 +77,7 @@ def corner_tangents(mesh: SkinMesh) -> Float:
     return normalized(summed - normal * (normal * summed).sum(-1, keepdims=True))
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _interpolate_unit(face_index: NDArray[np.int32], barycentric: Image, corner: Float, out: Image) -> None:
     """Corner vectors interpolated to the texels and scaled to length 1.
 
@@ -98,7 +99,7 @@ def _interpolate_unit(face_index: NDArray[np.int32], barycentric: Image, corner:
             out[row, col, 0], out[row, col, 1], out[row, col, 2] = x * scale, y * scale, z * scale
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _tilt(
     face_index: NDArray[np.int32],
     barycentric: Image,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import RectBivariateSpline
 
 from skinbake.irradiance.oil_layer import ENERGY_TRUE_STRENGTH, ROUGHNESS_MIN
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, sqr
 
 TABLE_SIZE = (512, 128)  # cosines by roughnesses
@@ -49,7 +49,7 @@ def integrate_specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, nodes:
     return out.reshape(*c.shape, 2)
 
 
-@numba.njit(cache=True)
+@kernel
 def _integrate_each(cos_theta: Float, roughness: Float, slope_rule: Float, azimuth_rule: Float, out: Float) -> None:
     """A split by Fresnel, for each pair of cosine and roughness; theory.md 6.5.
 
@@ -72,7 +72,7 @@ def _integrate_each(cos_theta: Float, roughness: Float, slope_rule: Float, azimu
         out[i, 0], out[i, 1] = below[0] + above[0], below[1] + above[1]
 
 
-@numba.njit(cache=True)
+@kernel
 def _slope_integral(
     c: float, m: float, start: float, stop: float, slope_rule: Float, azimuth_rule: Float
 ) -> tuple[float, float]:
@@ -125,7 +125,7 @@ def specular_albedo_table() -> Float:
     return table
 
 
-@numba.njit(cache=True)
+@kernel
 def albedo_at(table: Float, cos_theta: float, roughness: float, f0: float) -> float:
     """Albedo A(c, m) for rho_s = 1, read bilinearly from the table; for use inside numba kernels.
 
@@ -151,7 +151,7 @@ def albedo_at(table: Float, cos_theta: float, roughness: float, f0: float) -> fl
     return (1 - x) * a + x * b
 
 
-@numba.njit(cache=True)
+@kernel
 def _albedo_each(table: Float, cos_theta: Float, roughness: Float, f0: float) -> Float:
     """Albedo A(c, m) for each pair of cosine and roughness, shape (n,).
 

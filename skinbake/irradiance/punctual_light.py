@@ -6,12 +6,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
 from skinbake.irradiance.oil_albedo import albedo_at
 from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, normalized
 from skinbake.scene.lights import DirectionalLight, LightSpec, PointLight, SpotLight
 
@@ -46,7 +47,7 @@ def colour(light: Any) -> Float:
     return np.asarray(light.irradiance if isinstance(light, DirectionalLight) else light.intensity, dtype=np.float64)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, float, float, float, float]:
     """Unit direction to the light, distance in mm (inf for a directional one), and cone times 1 / distance^2.
 
@@ -70,7 +71,7 @@ def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, floa
     return dx, dy, dz, distance, t * t * (3.0 - 2.0 * t) / (distance * distance)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def bump_terminator(cos_mapped: float, cos_smooth: float) -> float:
     """Factor min(1, BUMP_GAIN cos_smooth / cos_mapped) for a bump that faces a light the skin under it turns away from.
 
@@ -81,7 +82,7 @@ def bump_terminator(cos_mapped: float, cos_smooth: float) -> float:
     return min(1.0, BUMP_GAIN * cos_smooth / cos_mapped)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def unshadowed(
     source: Float,
     face_index: NDArray[np.int32],
@@ -147,7 +148,7 @@ def unshadowed(
             arriving[row, col] = value
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def aim(source: Float, origin: Image, direction: Image, reach: NDArray[np.float32]) -> None:
     """Directions from origins to the light, and its distance.
 

@@ -6,7 +6,7 @@ import math
 import zlib
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
@@ -16,6 +16,7 @@ from skinbake.irradiance.punctual_light import bump_terminator
 from skinbake.irradiance.refine import refine
 from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
 from skinbake.irradiance.surface import TexelSurface
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.lights import RectangleLight
 
@@ -104,7 +105,7 @@ def light_rectangle(
     return arriving, facing.astype(np.float32)
 
 
-@njit(cache=True)
+@kernel
 def _above_horizon(poly: Float, count: int, nx: float, ny: float, nz: float, out: Float) -> int:
     """The part of a polygon above a plane through the origin; the number of corners left.
 
@@ -133,7 +134,7 @@ def _above_horizon(poly: Float, count: int, nx: float, ny: float, nz: float, out
     return m
 
 
-@njit(cache=True)
+@kernel
 def rectangle_irradiance(
     shape: Float, px: float, py: float, pz: float, nx: float, ny: float, nz: float, poly: Float, clipped: Float
 ) -> float:
@@ -171,7 +172,7 @@ def rectangle_irradiance(
     return 0.5 * abs(total)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _contour(
     shape: Float,
     face_index: NDArray[np.int32],
@@ -228,7 +229,7 @@ def _contour(
                 arriving[row, col] = rectangle_irradiance(shape, px, py, pz, nx, ny, nz, poly, clipped)
 
 
-@njit(cache=True)
+@kernel
 def _hash(x: np.uint64) -> np.uint64:
     """Random 64 bits for a number [Steele2014]: every texel and sample has its own, whoever asks and when."""
     x ^= x >> np.uint64(30)
@@ -238,7 +239,7 @@ def _hash(x: np.uint64) -> np.uint64:
     return x ^ (x >> np.uint64(31))
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _sample(
     shape: Float,
     key: np.uint64,

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
+
+from skinbake.kernels.compile import kernel
 
 Image = NDArray[np.float32]
 TURN_COSINE = 0.94  # 20 degrees: a crease may lie between lattice points that agree, but its normals give it away
@@ -65,7 +67,7 @@ def refine(
         texels = np.flatnonzero(_between(wanted, normal, values, stride, tolerance, 2 * stride <= close))
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _between(
     wanted: NDArray[np.bool_], normal: Image, values: Image, stride: int, tolerance: float, some: bool
 ) -> NDArray[np.bool_]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.punctual_light import DIRECTIONAL, aim
 from skinbake.irradiance.surface import TexelSurface
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
@@ -68,7 +69,7 @@ def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[np.bool_
     return ~occluder.occluded(origin, direction, reach)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _fill_between(facing: NDArray[np.bool_], lit: Image) -> NDArray[np.bool_]:
     """Fill texels between traced ones that agree, in `lit` (H, W); give those where they do not, (H, W)."""
     height, width = facing.shape
@@ -92,7 +93,7 @@ def _fill_between(facing: NDArray[np.bool_], lit: Image) -> NDArray[np.bool_]:
     return open_texels
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _differs(lit: Image, facing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Texels whose share differs from that of one of their eight neighbours, (H, W)."""
     height, width = facing.shape

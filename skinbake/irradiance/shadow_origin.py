@@ -10,11 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
 from skinbake.irradiance.smooth_surface import SmoothSurface, descend
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
@@ -57,7 +58,7 @@ def facets_of(surface: SmoothSurface, centre_mm: Float) -> SubdividedMesh:
     return SubdividedMesh(surface.levels, corner_mm, corner_normal, facing, surface.relief_mm, bulge_mm)
 
 
-@njit(cache=True)
+@kernel
 def _measure(corner: Float, normal: Float, facing: Image, depth: Float) -> None:
     """Normals of triangles, and how deep each lies below the tangent planes at its corners.
 
@@ -89,7 +90,7 @@ def _measure(corner: Float, normal: Float, facing: Image, depth: Float) -> None:
         facing[f, 0], facing[f, 1], facing[f, 2] = scale * x, scale * y, scale * z
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def facet_point(corners: Float | Image, f: int, b1: float, b2: float) -> tuple[float, float, float]:
     """Corner values of face f blended by barycentrics: a point of the flat triangle.
 
@@ -108,7 +109,7 @@ def facet_point(corners: Float | Image, f: int, b1: float, b2: float) -> tuple[f
     )
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def subdivision_offset(
     corners: Image, normals: Image, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
 ) -> tuple[float, float, float]:
@@ -142,7 +143,7 @@ def subdivision_offset(
     return dx, dy, dz
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def point_of(subdivided: SubdividedMesh, face: int, b1: float, b2: float) -> tuple[float, float, float]:
     """Point of the skin, mm about the occluder's centre, at a place in a face of the mesh.
 
@@ -157,7 +158,7 @@ def point_of(subdivided: SubdividedMesh, face: int, b1: float, b2: float) -> tup
     return facet_point(subdivided.corner_mm, f, b1, b2)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def offset_to_smooth_surface(
     subdivided: SubdividedMesh, step_mm: Float, face: int, b1: float, b2: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -193,7 +194,7 @@ def offset_to_smooth_surface(
     return px, py, pz, dx, dy, dz
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def long_ways(
     face_index: NDArray[np.int32],
     barycentric: Image,
@@ -223,7 +224,7 @@ def long_ways(
                 out[row, col] = dx * dx + dy * dy + dz * dz > threshold_mm[face] * threshold_mm[face]
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def place(
     face: NDArray[np.int32], barycentric: Image, subdivided: SubdividedMesh, step_mm: Float, start: Image, way: Image
 ) -> None:
@@ -247,7 +248,7 @@ def place(
         way[i, 0], way[i, 1], way[i, 2] = dx, dy, dz
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def place_inside_texels(
     texels: Index,
     grid: int,

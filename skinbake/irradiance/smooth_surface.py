@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, normalized
 from skinbake.scene.mesh import SkinMesh
 
@@ -127,7 +127,7 @@ def _subdivide(surface: SmoothSurface, edge: NDArray[np.int64], offset: Float) -
     )
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def descend(f: int, b1: float, b2: float, levels: int) -> tuple[int, float, float]:
     """Triangle of the smooth surface and barycentrics in it, for a place in a face of the mesh.
 

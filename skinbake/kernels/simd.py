@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
+
+from skinbake.kernels.compile import kernel
 
 LANES = 16
 _VECTOR = ir.VectorType(ir.FloatType(), LANES)
@@ -221,7 +223,7 @@ _overload(min, _least)
 _overload(max, _most)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def gaussian(x):  # type: ignore[no-untyped-def]
     """exp(32 x) as (Taylor of exp(x))^32 for x <= 0, held from x = -1 on.
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, signed_uv_area, tile_origin
 from skinbake.irradiance.normal_map import corner_tangents
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -77,7 +77,7 @@ def _buffers(mesh: SkinMesh, faces: NDArray[np.intp], tile: int) -> VertexBuffer
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _distinct(owner: NDArray[np.int32], split: Float, owners: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Distinct corners, and for every corner the number of the one it equals.
 

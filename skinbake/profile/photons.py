@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from skinbake.kernels.compile import kernel
 
 ROULETTE_BELOW = 1e-3
 ROULETTE_SURVIVAL = 0.1
@@ -20,7 +21,7 @@ _MIX_2 = np.uint64(0x94D049BB133111EB)
 _S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline=True)
 def mixed(state):  # type: ignore[no-untyped-def]
     """Random 64 bits from a counter: the output function of splitmix64 [Steele2014]."""
     z = (state ^ (state >> _S30)) * _MIX_1
@@ -28,13 +29,13 @@ def mixed(state):  # type: ignore[no-untyped-def]
     return z ^ (z >> _S31)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline=True)
 def uniform(bits):  # type: ignore[no-untyped-def]
     """Number inside (0, 1) from 64 random bits; 0 and 1 never occur, so a logarithm is always finite."""
     return (np.float64(bits >> _S11) + 0.5) * (1.0 / 9007199254740992.0)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline=True)
 def fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
     """Unpolarised Fresnel reflectance, and the cosine beyond the face (0 at total reflection).
 
@@ -58,7 +59,7 @@ def fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
     return 0.5 * (s * s + p * p), cos_to
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bins):  # type: ignore[no-untyped-def]
     """Sums of the weights, and of their squares, that leave through each annulus; theory.md 9.1.
 

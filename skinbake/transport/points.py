@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from skinbake.irradiance.punctual_light import emitter, towards
 from skinbake.irradiance.smooth_surface import SmoothSurface
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.scene.mesh import SkinMesh
@@ -117,7 +117,7 @@ def _sources(lights: Sequence[LightSpec], centre_mm: Float) -> Float:
     return np.array(found).reshape(-1, 10)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _frame(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit vectors across a normal."""
     sign = 1.0 if nz >= 0.0 else -1.0
@@ -126,7 +126,7 @@ def _frame(nx, ny, nz):  # type: ignore[no-untyped-def]
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sees(rays, buffer, source, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
     """0: faces away from the light, 1: faces it and other skin hides it, 2: lit."""
     lx, ly, lz, distance, reach = towards(source, x, y, z)
@@ -137,7 +137,7 @@ def _sees(rays, buffer, source, x, y, z, nx, ny, nz):  # type: ignore[no-untyped
     return 1 if f >= 0 else 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _classify(rays, position, normal, sources, out):  # type: ignore[no-untyped-def]
     """Write for each point: inside other skin, lit, near an edge, near a cast one, thin, in a crease."""
     buffer = ray_buffer()

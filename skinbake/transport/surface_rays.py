@@ -11,12 +11,12 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from skinbake.errors import MachineError
 from skinbake.irradiance.smooth_surface import SmoothSurface
 from skinbake.kernels.c_call import call_with_pointers
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, normalized
 
 RAY_FLOATS = 32  # of a ray's buffer: RTCRayHit has 80 bytes, 96 where instances have two numbers
@@ -121,7 +121,7 @@ def _library() -> Any:
     return rtc
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ray_buffer():  # type: ignore[no-untyped-def]
     """Room for a ray on a boundary that Embree wants, as float32, as uint32, and its address; one for each thread."""
     room = np.empty(RAY_FLOATS + _ALIGN, np.float32)
@@ -130,7 +130,7 @@ def ray_buffer():  # type: ignore[no-untyped-def]
     return ray, ray.view(np.uint32), ray.ctypes.data
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def first_hit(rays, buffer, px, py, pz, dx, dy, dz, reach):  # type: ignore[no-untyped-def]
     """Distance (`reach` where nothing is hit), triangle (-1: none) and barycentrics 1 and 2 of a ray's first hit.
 

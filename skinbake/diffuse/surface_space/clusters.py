@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.kernels.compile import kernel
 
 LEVELS = 6  # blocks of up to 64 x 64 texels
 MIN_ALIGNMENT = 0.8  # |mean of unit normals| below this: the block bends too much to be one cluster
@@ -65,7 +66,7 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> Momen
     return MomentPyramid(moments, means, start[:-1], np.array([w for _, w in sizes]))
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def is_cluster(moments, max_spread_mm2):  # type: ignore[no-untyped-def]
     """Whether a block's skin is small enough, and flat enough, to be one source."""
     aligned = moments[5] ** 2 + moments[6] ** 2 + moments[7] ** 2 >= MIN_ALIGNMENT**2
@@ -85,7 +86,7 @@ def contrast(points: TexelPoints, pyramid: MomentPyramid) -> NDArray[np.float32]
     return changes
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _contrast(moments, radiosity, start, width, changes):  # type: ignore[no-untyped-def]
     faint = np.float32(1e-12)
     for k in prange(len(changes)):
@@ -107,7 +108,7 @@ def _contrast(moments, radiosity, start, width, changes):  # type: ignore[no-unt
         changes[k] = change + (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _of_texels(flat_index, columns, blocks, width, changes):  # type: ignore[no-untyped-def]
     for k in prange(len(changes)):
         row, col = flat_index[k] // columns, flat_index[k] % columns
@@ -130,7 +131,7 @@ def bending(pyramid: MomentPyramid) -> NDArray[np.float32]:
     return bend
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _bending(area, light, width, bend):  # type: ignore[no-untyped-def]
     for k in prange(len(area)):
         if area[k] <= 0:
@@ -146,7 +147,7 @@ def _bending(area, light, width, bend):  # type: ignore[no-untyped-def]
                 bend[k, c // 3] = max(bend[k, c // 3], abs(light[k, c] - middle))
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _first_level(row_of, position, normal, area, radiosity, out, mean):  # type: ignore[no-untyped-def]
     height, width = row_of.shape
     for i in prange(out.shape[0]):
@@ -178,7 +179,7 @@ def _first_level(row_of, position, normal, area, radiosity, out, mean):  # type:
             out[i, j, 4] = spread / total * np.float32(0.5)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _next_level(fine, fine_mean, out, mean):  # type: ignore[no-untyped-def]
     height, width = fine.shape[:2]
     for i in prange(out.shape[0]):
@@ -209,7 +210,7 @@ def _next_level(fine, fine_mean, out, mean):  # type: ignore[no-untyped-def]
             out[i, j, 4] = spread / total
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _divide(moments, mean, total):  # type: ignore[no-untyped-def]
     moments[0] = total
     for axis in range(3):

@@ -7,7 +7,7 @@ the result depends neither on the number of threads nor on the width of the mach
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_variance
@@ -26,6 +26,7 @@ from skinbake.diffuse.surface_space.sources import (
     sources_around,
     tree_node,
 )
+from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import (
     LANES,
     broadcast,
@@ -103,7 +104,7 @@ def gather(
     )  # fmt: skip
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _gather(  # type: ignore[no-untyped-def]
     strips, stride, row_of, flat_index, position, normal, texel_mm2, leaf, box, first_group,
     variance_mm2, table, cut, separate, faint, density, first_light, share, out,
@@ -137,7 +138,7 @@ def _gather(  # type: ignore[no-untyped-def]
                         )  # fmt: skip
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _members_of(row_of, share, top, left, members):  # type: ignore[no-untyped-def]
     """List the targets of a square, block after block; how many there are."""
     height, width = row_of.shape
@@ -152,7 +153,7 @@ def _members_of(row_of, share, top, left, members):  # type: ignore[no-untyped-d
     return count
 
 
-@njit(cache=True)
+@kernel
 def _begin_near_tile(  # type: ignore[no-untyped-def]
     row_of, share, top, left, position, texel_mm2, boxes, first_group, variance_mm2, table, cut, low, high, stack,
     found, begin,
@@ -182,7 +183,7 @@ def _begin_near_tile(  # type: ignore[no-untyped-def]
     return 1
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, batch):  # type: ignore[no-untyped-def]
     """Move what lies near the first member left into the batch, which repeats its last; the first member left then."""
     seed = members[first]
@@ -204,7 +205,7 @@ def _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, ba
     return first + taken
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _gather_batch(  # type: ignore[no-untyped-def]
     batch, flat_index, position, normal, texel_mm2, leaves, size, boxes, first_group, variance_mm2, table, cut,
     separate, faint, density, first_light, share, lanes, low, high, stack, begins, found, out,

@@ -17,7 +17,8 @@ they join: there too little light crosses. It falls off smoothly (below), so no 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from skinbake.kernels.compile import kernel
 
 _ONE = np.float32(1)
 _TWO = np.float32(2)
@@ -26,7 +27,7 @@ _SIXTEEN = np.float32(16)
 _ZERO = np.float32(0)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def pair_weight(cos_normals, toward_i, toward_j, distance2):  # type: ignore[no-untyped-def]
     """Share of a pair's weight that stays, 0 ... 1.
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, signed_uv_area, tile_origin
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -101,7 +102,7 @@ def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
     return 0.5 * (e + h - np.hypot(e - h, 2 * f))
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _points(  # type: ignore[no-untyped-def]
     face_index, barycentric, area_mm2, coverage, corner_mm, corner_normal, shorter_mm2, start, row_out, flat, position,
     normal, area, texel_mm2, widest,
@@ -137,7 +138,7 @@ def _points(  # type: ignore[no-untyped-def]
             n += 1
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _extend(flat_index, face_index, barycentric, coverage, corner_xy, corner_mm, face_mm2, beyond, position):  # type: ignore[no-untyped-def]
     width = face_index.shape[1]
     for n in prange(len(flat_index)):
@@ -155,7 +156,7 @@ def _extend(flat_index, face_index, barycentric, coverage, corner_xy, corner_mm,
             _continue_plane(corner_xy[f], corner_mm[f], dx, dy, away, beyond, face_mm2[f], position[n])
 
 
-@njit(cache=True)
+@kernel
 def _continue_plane(xy, mm, dx, dy, away, beyond, mm2, position):  # type: ignore[no-untyped-def]
     """Move a position by the face's affine map of a step of (dx, dy) texels, as far as its mean texel lets it."""
     e1x, e1y = xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]

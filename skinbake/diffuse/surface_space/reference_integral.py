@@ -8,7 +8,7 @@ what is being approximated, and the tree of texels, which only finds neighbours.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_variance
@@ -23,6 +23,7 @@ from skinbake.diffuse.surface_space.sources import (
     opposite_sources,
     tree_node,
 )
+from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, lowest_bit, prefetch
 from skinbake.numerics import Float, even_stride
 
@@ -88,7 +89,7 @@ def _spatial_order(position: NDArray[np.float32]) -> NDArray[np.int64]:
     return np.concatenate([order[start : start + _PIECE] for start in turns]) if pieces else order
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _integrate(  # type: ignore[no-untyped-def]
     order, position, normal, at_texel_mm2, variance_mm2, table, cut, leaf, box, first_group, separate, normalise, out
 ):
@@ -117,7 +118,7 @@ def _integrate(  # type: ignore[no-untyped-def]
             out[p] /= total
 
 
-@njit(cache=True)
+@kernel
 def _distances2(near, leaf, x, y, z, distance2):  # type: ignore[no-untyped-def]
     leaves, rows = leaf.reshape(-1), leaf.shape[1]
     for i in range(len(near)):
@@ -131,7 +132,7 @@ def _distances2(near, leaf, x, y, z, distance2):  # type: ignore[no-untyped-def]
     distance2[len(near) :] = np.inf
 
 
-@njit(cache=True)
+@kernel
 def _keep_apart(near, leaf, at, normal, weight):  # type: ignore[no-untyped-def]
     nx, ny, nz = np.float64(normal[0]), np.float64(normal[1]), np.float64(normal[2])
     leaves, size = leaf.reshape(-1), leaf.shape[1] * LANES
@@ -155,7 +156,7 @@ def _keep_apart(near, leaf, at, normal, weight):  # type: ignore[no-untyped-def]
                     )
 
 
-@njit(cache=True)
+@kernel
 def _add(near, leaf, weight, sums):  # type: ignore[no-untyped-def]
     """Add the weights of leaves' sources, and their light, lane by lane."""
     for i in range(len(near)):
@@ -168,7 +169,7 @@ def _add(near, leaf, weight, sums):  # type: ignore[no-untyped-def]
                 sums[1 + c, lane] += w[lane] * at[LIGHT + c, lane]
 
 
-@njit(cache=True)
+@kernel
 def _gaussians(x, rate, most):  # type: ignore[no-untyped-def]
     """exp(-rate x) in place, 0 for x > `most`; to 1e-10 of itself where rate x <= 18.
 

@@ -14,11 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.clusters import LEVELS, MomentPyramid, is_cluster
 from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, bits_below, load, lowest_bit, mul_add
 
 NORMAL, NARROWING, AMPLITUDE, LIGHT = 3, 6, 7, 8  # rows of a leaf; x y z come first
@@ -121,7 +122,7 @@ def _no_boxes(count: int) -> NDArray[np.float32]:
     return box
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _enclose(child, parent):  # type: ignore[no-untyped-def]
     for k in prange(len(child)):
         for axis in range(3):
@@ -129,7 +130,7 @@ def _enclose(child, parent):  # type: ignore[no-untyped-def]
             parent[k // LANES, 3 + axis, k % LANES] = child[k, 3 + axis].max()
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _walk(rows, cols, row_of, position, area, moments, start, width, max_spread, order, count):  # type: ignore[no-untyped-def]
     """Each root block's sources in Morton order: 2 k for texel k, 2 b + 1 for block b, as ~ where a leaf begins."""
     height, columns = row_of.shape
@@ -173,7 +174,7 @@ def _walk(rows, cols, row_of, position, area, moments, start, width, max_spread,
         count[root, 0], count[root, 1] = sources, leaves
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _write(  # type: ignore[no-untyped-def]
     order, begin, count, flat_index, position, normal, area, light, moments, mean, variance, leaf, box,
 ):  # fmt: skip
@@ -211,7 +212,7 @@ def _write(  # type: ignore[no-untyped-def]
             _close(leaf[k], lane)
 
 
-@njit(cache=True)
+@kernel
 def _close(leaf, sources):  # type: ignore[no-untyped-def]
     """Fill the places of a leaf beyond its sources."""
     for lane in range(sources, LANES):
@@ -219,7 +220,7 @@ def _close(leaf, sources):  # type: ignore[no-untyped-def]
         leaf[:3, lane] = _NOWHERE
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _every_other_bit(n):  # type: ignore[no-untyped-def]
     """Bits 0, 2, 4, ... 10 of n, side by side."""
     n &= 0x555
@@ -228,7 +229,7 @@ def _every_other_bit(n):  # type: ignore[no-untyped-def]
     return (n | n >> 4) & 0x3F
 
 
-@njit(cache=True)
+@kernel
 def near_boxes(low, high, radius2, boxes, first_group, stack, depth, bottom, found):  # type: ignore[no-untyped-def]
     """Number of a level's boxes within a distance of the box from `low` to `high`; `found` lists them.
 
@@ -266,13 +267,13 @@ def near_boxes(low, high, radius2, boxes, first_group, stack, depth, bottom, fou
     return count
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def tree_node(group, level):  # type: ignore[no-untyped-def]
     """A group of sixteen boxes of a level, for the stack of `near_boxes`."""
     return group * _TREE_LEVELS + level
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def near_sources(leaves, base, low, high, radius2):  # type: ignore[no-untyped-def]
     """Bits of a leaf's sources within a distance of a box.
 
@@ -290,14 +291,14 @@ def near_sources(leaves, base, low, high, radius2):  # type: ignore[no-untyped-d
     return bits_below(mul_add(dx, dx, mul_add(dy, dy, dz * dz)), radius2)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def sources_around(leaves, base, x, y, z, radius2):  # type: ignore[no-untyped-def]
     """Bits of a leaf's sources within a distance of a point."""
     dx, dy, dz = load(leaves, base) - x, load(leaves, base + LANES) - y, load(leaves, base + 2 * LANES) - z
     return bits_below(mul_add(dx, dx, mul_add(dy, dy, dz * dz)), radius2)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def opposite_sources(leaves, base, ax, ay, az, sine):  # type: ignore[no-untyped-def]
     """Bits of a leaf's sources whose normals lie less than `sine` along an axis."""
     base += NORMAL * LANES

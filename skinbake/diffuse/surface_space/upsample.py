@@ -10,10 +10,11 @@ stretch all fail that test; what fails is summed directly.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.kernels.compile import kernel
 
 MAX_GAP = 1.1  # of sigma, between the texels interpolated, however loose the tolerance
 EDGE_ERROR = 0.0047  # see above
@@ -87,7 +88,7 @@ def interpolate_smooth(
     return left
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _widest_step(row_of, position, widest):  # type: ignore[no-untyped-def]
     """Longest step between neighbours of the 4 x 4 texels from (y, x) on, squared; infinite where one is empty."""
     height, width = widest.shape
@@ -109,7 +110,7 @@ def _widest_step(row_of, position, widest):  # type: ignore[no-untyped-def]
             widest[y, x] = most
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _least_sigma(coarse, widest, row_of, position, gap, miss, sigma):  # type: ignore[no-untyped-def]
     height, width = widest.shape
     for r in prange(sigma.shape[0]):
@@ -131,7 +132,7 @@ def _least_sigma(coarse, widest, row_of, position, gap, miss, sigma):  # type: i
             sigma[r, c] = max(np.sqrt(widest[y0, x0]) / gap, np.sqrt(miss2) / miss)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _interpolate(coarse, least_sigma_mm, sigma_mm, out, left):  # type: ignore[no-untyped-def]
     lights, _, width, _ = coarse.shape
     for r in prange(left.shape[0]):
@@ -148,13 +149,13 @@ def _interpolate(coarse, least_sigma_mm, sigma_mm, out, left):  # type: ignore[n
                         out[light, r, c, q] = max(_blend(line, c, q), np.float32(0))
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _first_of(fine):  # type: ignore[no-untyped-def]
     """First of the four coarse texels around a fine one: its centre lies a quarter to one side of the middle two."""
     return (fine - 1) // 2 - 1
 
 
-@njit(cache=True)
+@kernel
 def _blend_rows(coarse, r, line):  # type: ignore[no-untyped-def]
     """line = the four rows around fine row r, weighted; flat over (width, C)."""
     size, flat = len(line), coarse.reshape(-1)
@@ -166,21 +167,21 @@ def _blend_rows(coarse, r, line):  # type: ignore[no-untyped-def]
         line[k] = w0 * a[k] + w1 * b[k] + w2 * c[k] + w3 * d[k]
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _blend(line, c, q):  # type: ignore[no-untyped-def]
     x0 = _first_of(c)
     w0, w1, w2, w3 = _weights(c)
     return w0 * line[x0, q] + w1 * line[x0 + 1, q] + w2 * line[x0 + 2, q] + w3 * line[x0 + 3, q]
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _weights(fine):  # type: ignore[no-untyped-def]
     if fine % 2 == 0:  # the third of the four is the nearest
         return _WEIGHTS[3], _WEIGHTS[2], _WEIGHTS[1], _WEIGHTS[0]
     return _WEIGHTS[0], _WEIGHTS[1], _WEIGHTS[2], _WEIGHTS[3]
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _distance2(position, p, q):  # type: ignore[no-untyped-def]
     dx = position[p, 0] - position[q, 0]
     dy = position[p, 1] - position[q, 1]

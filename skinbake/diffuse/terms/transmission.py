@@ -9,7 +9,7 @@ lights, soft ones included.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin
@@ -18,6 +18,7 @@ from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.shadow_origin import facet_point, point_of
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.scene.mesh import SkinMesh
@@ -102,7 +103,7 @@ def _skin(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, 
     return point, normal
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _place(face_index, barycentric, rows, cols, subdivided, normals, point, normal):  # type: ignore[no-untyped-def]
     for k in prange(len(rows)):
         face, b = face_index[rows[k], cols[k]], barycentric[rows[k], cols[k]]
@@ -182,7 +183,7 @@ def _weights_at(weights: SlabWeights, thickness_mm: Float, opposed: Float) -> Im
     return out
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _read_table(table, thinnest_mm, step, thickness_mm, opposed, out):  # type: ignore[no-untyped-def]
     last = len(table) - 1
     for ray in prange(len(thickness_mm)):
@@ -220,7 +221,7 @@ def _gather(
     return out
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _add_bilinear(image: Image, uv: Float, pick: NDArray[np.int64], weight: Image, out: Image) -> None:
     lights, height, width = image.shape[:3]
     for n in prange(len(pick)):

@@ -12,13 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.texture_space.separable import decimate, decimation_weights, masked_light, normalised_blur
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -228,7 +229,7 @@ def _between(half: Float, offset: Float) -> Float:
     return shifted
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _weighted_windows(  # type: ignore[no-untyped-def]
     image, first_y, first_x, which_y, which_x, weights_y, weights_x, no_coverage, out
 ):

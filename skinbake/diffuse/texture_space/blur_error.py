@@ -21,12 +21,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.clusters import MomentPyramid
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.diffuse.texture_space.uv_gaps import LEVEL
+from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import load_scalar
 from skinbake.numerics import Float
 
@@ -120,7 +121,7 @@ class BlurErrorPredictor:
         return np.array(self.mean, np.float32)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _shares(  # type: ignore[no-untyped-def]
     row_of, area, texel_mm2, coverage, image, bend, foreign_mm, start, width, margin, level, floats, means, blurred,
     mass, share,
@@ -147,7 +148,7 @@ def _shares(  # type: ignore[no-untyped-def]
                 share[light, row, col] = np.uint8(np.ceil(each * np.float32(255)))
 
 
-@njit(cache=True)
+@kernel
 def _shares_of_texels(  # type: ignore[no-untyped-def]
     row_of, area, texel_mm2, coverage, image, bend, foreign_mm, start, width, margin, level, floats, means, flat,
     blurred, mass, share,
@@ -170,7 +171,7 @@ def _shares_of_texels(  # type: ignore[no-untyped-def]
                 )
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _unevenness(row, col, area, shorter2, coverage, start, width, level, floats):  # type: ignore[no-untyped-def]
     """min(r - 1, 2), and the block as wide as the lobe where texels are small, -1 where they are not."""
     variance, mean_shorter2, mean_longer2 = floats[0], floats[1], floats[2]
@@ -190,7 +191,7 @@ def _unevenness(row, col, area, shorter2, coverage, start, width, level, floats)
     return uneven, block
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _unseen(row, col, level, foreign_mm, floats, mass):  # type: ignore[no-untyped-def]
     """Share of the lobe that may lie where the blur does not look: beyond a border, or on foreign skin."""
     away = foreign_mm[row << level >> LEVEL, col << level >> LEVEL]
@@ -200,7 +201,7 @@ def _unseen(row, col, level, foreign_mm, floats, mass):  # type: ignore[no-untyp
     return max(_ONE - mass, beyond)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _share(image, here, channels, light, mean, uneven, far, blurred, there, unseen, floats):  # type: ignore[no-untyped-def]
     """From 0 where half the threshold is predicted to 1 where all of it is; 0 of a light that is dark everywhere.
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, broadcast, load, mul_add, store
 
 _ROWS = 16
@@ -14,7 +15,7 @@ _STRIP = 512
 _ZERO = np.float32(0)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def masked_light(light, coverage, out):  # type: ignore[no-untyped-def]
     """out (H, W, 3L + 1) = light (L, H, W, 3) times coverage, then coverage itself."""
     lights, height, width, _ = light.shape
@@ -28,7 +29,7 @@ def masked_light(light, coverage, out):  # type: ignore[no-untyped-def]
             out[row, col, 3 * lights] = m
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out, mass):  # type: ignore[no-untyped-def]
     """K[M E] / K[M] of an image of premultiplied light and mask; theory.md 5.7.
 
@@ -72,7 +73,7 @@ def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out, mass)
                         mass[top_row + i, col] = both[(col + margin + 1) * channels - 1]
 
 
-@njit(cache=True)
+@kernel
 def _divide(both, margin, lights, row, epsilon, fallback, out):  # type: ignore[no-untyped-def]
     channels = 3 * lights + 1
     if lights == 1:  # constant strides: the compiler shuffles whole registers
@@ -107,7 +108,7 @@ def _divide(both, margin, lights, row, epsilon, fallback, out):  # type: ignore[
                     out[k, row, col, c] = np.float32(0)
 
 
-@njit(cache=True)
+@kernel
 def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-untyped-def]
     """to[at + i] = sum_k weights[k] source[start + k stride + i] for i < count, all flat."""
     i = 0
@@ -134,7 +135,7 @@ def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-un
         i += 1
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[no-untyped-def]
     """out[i, j] = sum over weights of image[first_y[i] + k, first_x[j] + l]; outside the image is zero.
 

@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, interpolate, signed_uv_area
 from skinbake.diffuse.lattice import lattice_table, lattice_variance
+from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, broadcast, gaussian, load, mul_add, same, store
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
@@ -127,7 +128,7 @@ def stretch_blur(
     return out
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _quadratic_form(covariance, table, form, reach):  # type: ignore[no-untyped-def]
     """Inverse / -64 of each ellipse (xx, 2 xy, yy), and how far it reaches (x, y), texels."""
     height, width, _ = covariance.shape
@@ -147,7 +148,7 @@ def _quadratic_form(covariance, table, form, reach):  # type: ignore[no-untyped-
             reach[row, col, 1] = min(CUT_SIGMA * np.sqrt(yy), MAX_REACH)
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _gather(planes, chart_padded, form, reach, chart, pad, out):  # type: ignore[no-untyped-def]
     lights, height, width, _ = out.shape
     channels = 3 * lights
@@ -196,7 +197,7 @@ def _gather(planes, chart_padded, form, reach, chart, pad, out):  # type: ignore
                         out[k // 3, row, left + t, k % 3] = sums[k, t] / sums[channels, t]
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def area_mean(light, area, factor, out):  # type: ignore[no-untyped-def]
     """Area-weighted mean of each block of `factor` x `factor` texels; the plain mean of nothing is 0."""
     lights, _, _, _ = light.shape

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.clusters import MomentPyramid
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 LEVEL = 3  # of the pyramid's blocks, 1 being 2 x 2 texels
@@ -66,7 +67,7 @@ def _cells(position: Float, side: float) -> NDArray[np.int64]:
     return cells
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _distances(centre, radius, side, place, cell, first):  # type: ignore[no-untyped-def]
     """Of blocks in the order of their cells: those of `cell[c]` are `first[c]` ... `first[c + 1]`."""
     nearest = np.empty(len(centre), np.float32)
