@@ -1,0 +1,62 @@
+"""The examples of architecture.md are complete: applied to a copy of the package, they work."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tests.conftest import ROOT
+
+TEXT = (ROOT / "skinbake" / "docs" / "architecture.md").read_text()
+EXAMPLES = {
+    part.split("\n")[0]: re.findall(r"^```(diff|yaml)\n(.*?)^```", part, re.MULTILINE | re.DOTALL)
+    for part in TEXT.split("\n## ")
+    if "```diff" in part
+}
+LOOK = """\
+mesh: {path: head.obj, unit: mm}
+skin: {preset: jensen-skin1}
+lights: [{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]
+output: {dir: out}
+"""
+LOAD = """
+import sys
+from skinbake.io.config import load_look
+from skinbake.profile import fit_skin
+import skinbake.irradiance.light_texels, skinbake.preview.shader_light, skinbake.preview.controls
+look = load_look(sys.argv[1], files=False)
+print([light.type for light in look.lights], fit_skin(look.skin).gaussians.model)
+"""
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_applies_and_its_look_is_understood(name, tmp_path):
+    """The diff fits the package of today, keeps its lint rules, and the YAML below it names what it adds."""
+    shutil.copytree(ROOT / "skinbake", tmp_path / "skinbake", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "configs", tmp_path / "configs")
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (diff,) = (block for kind, block in EXAMPLES[name] if kind == "diff")
+    (yaml,) = (block for kind, block in EXAMPLES[name] if kind == "yaml")
+    applied = subprocess.run(
+        ["git", "apply", "--unidiff-zero", "--recount", "-C1", "-"],
+        input=diff, text=True, capture_output=True, cwd=tmp_path,
+        env=os.environ | {"GIT_CEILING_DIRECTORIES": str(tmp_path.parent)},  # else a repository above would be meant
+    )  # fmt: skip
+    assert applied.returncode == 0, applied.stderr
+    linted = subprocess.run(
+        [sys.executable, "-m", "ruff", "check", "--quiet", "skinbake"], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert linted.returncode == 0, linted.stdout
+    key = yaml.split(":")[0]
+    kept = [line for line in LOOK.splitlines() if not line.startswith(f"{key}:")]
+    (tmp_path / "look.yaml").write_text("\n".join(kept) + "\n" + yaml)
+    loaded = subprocess.run(
+        [sys.executable, "-c", LOAD, "look.yaml"], capture_output=True, text=True, cwd=tmp_path,
+        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(tmp_path)},
+    )  # fmt: skip
+    assert loaded.returncode == 0, loaded.stderr
+    added = {"skin": "exponential", "lights": "fill"}[key]
+    assert added in loaded.stdout
