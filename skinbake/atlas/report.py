@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from skinbake.atlas.metric import first_fundamental_form
 from skinbake.atlas.raster import NO_FACE, Atlas
@@ -17,6 +19,8 @@ from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
 SPOILT_SHARE = 0.01  # of the skin's area, without a texel of its own, above which a bake is not worth starting
+HOLLOW = 0.02  # of the volume of a ball of the mesh's area: a flatter mesh has no inside
+MOST_PAIRS = 4  # of parts that a message names
 GOOD, OVERLAP, FLIPPED, OUTSIDE = 0, 1, 2, 3
 
 
@@ -30,7 +34,10 @@ class UvReport:
     area_mm2 : float
     triangles, open_edges : int
     inside_out : bool
-        The mesh is closed and its triangles turn inwards.
+        The triangles turn inwards: closed by a lid over its widest opening, the mesh holds a negative volume.
+    doubled : int
+        Triangles that exist once more, on the same three vertices.
+    doubled_share : float
     mm_per_texel : tuple of 3 floats
         Square root of the texel's area on the skin, its 5, 50 and 95 % quantiles by area.
     stretch_95 : float
@@ -44,6 +51,10 @@ class UvReport:
         Skin that has no texel of its own because another triangle shows there. Not whole triangles: charts of scans
         touch by a texel.
     degenerate_share, outside_share : float
+    hidden_parts : tuple of (hidden, shown, share)
+        Parts whose skin is hidden by another part's, or by their own, and the share of all skin, the largest first.
+    largest_part : str
+        By area.
     face_kind : ndarray of shape (F,), uint8
         GOOD, OVERLAP, FLIPPED or OUTSIDE, for a picture.
     """
@@ -53,6 +64,8 @@ class UvReport:
     triangles: int
     open_edges: int
     inside_out: bool
+    doubled: int
+    doubled_share: float
     mm_per_texel: tuple[float, float, float]
     stretch_95: float
     coverage: float
@@ -63,6 +76,8 @@ class UvReport:
     overlapping_share: float
     degenerate_share: float
     outside_share: float
+    hidden_parts: tuple[tuple[str, str, float], ...]
+    largest_part: str
     face_kind: NDArray[np.uint8]
 
     @property
@@ -71,6 +86,11 @@ class UvReport:
         found = []
         if self.inside_out:
             found.append("the triangles face inwards: flip the mesh's faces and normals")
+        if self.doubled_share > SPOILT_SHARE:
+            found.append(
+                f"{self.doubled} triangles exist twice ({self.doubled_share:.1%} of the skin), as a double-sided export"
+                " writes them: export one side only, or delete the duplicates"
+            )
         if self.outside_share > SPOILT_SHARE:
             found.append(
                 f"{self.outside} triangles ({self.outside_share:.1%} of the skin) lie outside the texture:"
@@ -81,12 +101,26 @@ class UvReport:
                 f"{self.degenerate} triangles ({self.degenerate_share:.1%} of the skin) have no UV area:"
                 " unwrap them, or remove the UVs and set texture.unwrap: xatlas"
             )
-        if self.overlapping_share > SPOILT_SHARE:
+        if self.overlapping_share > SPOILT_SHARE and self.doubled_share <= SPOILT_SHARE:
             found.append(
                 f"{self.overlapping} triangles share texels with others ({self.overlapping_share:.1%} of the skin is"
-                " hidden): mirrored or stacked charts cannot hold two lightings, give each its own place"
+                f" hidden): {self._stacked()}"
             )
         return tuple(found)
+
+    def _stacked(self) -> str:
+        """Which parts lie on one another, and what to do."""
+        pairs = [(hidden, shown) for hidden, shown, share in self.hidden_parts if hidden != shown and share > 0]
+        if not pairs:
+            return (
+                "mirrored or stacked charts cannot hold two lightings, give each its own place, or set"
+                " texture.unwrap: xatlas, which lays them out anew and reads maps by the old UVs"
+            )
+        named = ", ".join(dict.fromkeys(f"{hidden} on {shown}" for hidden, shown in pairs[:MOST_PAIRS]))
+        return (
+            f"{named}: choose what is skin, such as mesh.skin: [{self.largest_part!r}], all else then casts shadows"
+            " (or by mesh.cast and mesh.ignore), or give each its own place"
+        )
 
 
 def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
@@ -100,12 +134,13 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
 
     outside = drawn.copy()
     overlapping, hidden = np.zeros(len(area), np.bool_), np.zeros(len(area), np.int64)
+    shown = np.full(len(area), NO_FACE, np.int32)
     for raster in atlas:
         origin = np.asarray(tile_origin(raster.tile))
         local = mesh.corner_uv - origin
         outside &= (local < -1e-6).any(axis=(1, 2)) | (local > 1 + 1e-6).any(axis=(1, 2))
         corner_xy = np.stack([local[..., 0] * width, (1 - local[..., 1]) * height], axis=-1)
-        _mark_overlaps(corner_xy, uv_area != 0, raster.face_index, overlapping, hidden)
+        _mark_overlaps(corner_xy, uv_area != 0, raster.face_index, overlapping, hidden, shown)
 
     kind = np.full(len(area), GOOD, np.uint8)
     kind[flipped] = FLIPPED
@@ -116,12 +151,15 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
     spread = np.sqrt(np.maximum((e - h) ** 2 / 4 + f * f, 0))
     stretch = np.sqrt(safe_div((e + h) / 2 + spread, np.maximum((e + h) / 2 - spread, 1e-12 * (e + h))))
     open_edges, inside_out = _closure(mesh)
+    doubled = _doubled(mesh)
     return UvReport(
         extent_mm=tuple(float(x) for x in np.ptp(mesh.positions_mm, axis=0)),  # type: ignore[arg-type]
         area_mm2=float(area.sum()),
         triangles=len(area),
         open_edges=open_edges,
         inside_out=inside_out,
+        doubled=int(doubled.sum()),
+        doubled_share=float(area[doubled].sum() / total),
         mm_per_texel=tuple(_quantile(np.sqrt(element)[drawn], area[drawn], q) for q in (0.05, 0.5, 0.95)),  # type: ignore[arg-type]
         stretch_95=_quantile(stretch[drawn], area[drawn], 0.95),
         coverage=float(np.mean([raster.coverage.mean(dtype=np.float64) for raster in atlas])),
@@ -132,6 +170,8 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
         overlapping_share=float((hidden * element).sum() / total),
         degenerate_share=float(area[degenerate].sum() / total),
         outside_share=float(area[outside].sum() / total),
+        hidden_parts=_hidden_parts(mesh, shown, hidden * element / total),
+        largest_part=mesh.part_names[np.argmax(np.bincount(mesh.part, area))] if mesh.part is not None else "",
         face_kind=kind,
     )
 
@@ -157,17 +197,63 @@ def _quantile(values: Float, weights: Float, q: float) -> float:
     return float(values[order][min(np.searchsorted(cumulative, q * cumulative[-1]), len(values) - 1)])
 
 
+def _hidden_parts(mesh: SkinMesh, shown: NDArray[np.int32], share: Float) -> tuple[tuple[str, str, float], ...]:
+    """Names of each hidden part and of the part that shows in its place, with the share of the skin.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    shown : ndarray of shape (F,)
+        A face that shows where this one is hidden, or NO_FACE.
+    share : ndarray of shape (F,)
+        Of the skin, that is hidden of each face.
+    """
+    face = np.flatnonzero(shown != NO_FACE)
+    if mesh.part is None or not len(face):
+        return ()
+    pairs, number = np.unique(np.stack([mesh.part[face], mesh.part[shown[face]]], axis=1), axis=0, return_inverse=True)
+    total = np.bincount(number.ravel(), share[face])
+    return tuple(
+        (mesh.part_names[pairs[k, 0]], mesh.part_names[pairs[k, 1]], float(total[k]))
+        for k in np.argsort(-total, kind="stable")
+    )
+
+
+def _doubled(mesh: SkinMesh) -> NDArray[np.bool_]:
+    """Faces beyond the first on the same three vertices, (F,)."""
+    low, middle, high = np.sort(mesh.faces, axis=1).T.astype(np.int64)
+    count = len(mesh.positions_mm)
+    _, pair = np.unique(low * count + middle, return_inverse=True)
+    _, first = np.unique(pair.ravel() * count + high, return_index=True)
+    doubled = np.ones(len(mesh.faces), np.bool_)
+    doubled[first] = False
+    return doubled
+
+
 def _closure(mesh: SkinMesh) -> tuple[int, bool]:
-    """Edges with one face only, and whether a closed mesh encloses a negative volume."""
+    """Edges with one face only, and whether the triangles turn inwards.
+
+    A fan from the middle of the widest opening's rim to the rim closes a mask or a neck; seen from that middle, the fan
+    adds nothing to the volume.
+    """
     a, b = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
-    key = np.minimum(a, b) * len(mesh.positions_mm) + np.maximum(a, b)
-    _, count = np.unique(key[a != b], return_counts=True)
-    open_edges = int(np.count_nonzero(count == 1))
-    p = mesh.corner_position_mm - mesh.positions_mm.mean(axis=0)
+    count = len(mesh.positions_mm)
+    key, uses = np.unique((np.minimum(a, b) * count + np.maximum(a, b))[a != b], return_counts=True)
+    rim = key[uses == 1]
+    apex = mesh.positions_mm.mean(axis=0)
+    if len(rim):
+        ends = np.stack([rim // count, rim % count], axis=1)
+        ones = np.ones(len(ends))
+        _, opening = connected_components(coo_array((ones, (ends[:, 0], ends[:, 1])), shape=(count, count)), False)
+        middle = mesh.positions_mm[ends].mean(axis=1)
+        length = np.linalg.norm(np.diff(mesh.positions_mm[ends], axis=1)[:, 0], axis=1)
+        weight = np.bincount(opening[ends[:, 0]], length)
+        widest = opening[ends[:, 0]] == np.argmax(weight)
+        apex = np.average(middle[widest], axis=0, weights=np.maximum(length[widest], 1e-300))
+    p = mesh.corner_position_mm - apex
     volume = np.einsum("ij,ij->", np.cross(p[:, 0], p[:, 1]), p[:, 2]) / 6
-    # A head with an open neck still encloses most of its volume
-    closed_enough = open_edges < 0.05 * max(len(count), 1)
-    return open_edges, bool(closed_enough and volume < 0)
+    ball = float(mesh.face_area_mm2.sum()) ** 1.5 / (6 * np.sqrt(np.pi))
+    return len(rim), bool(volume < -HOLLOW * ball)
 
 
 def refuse_spoilt(report: UvReport, path: str) -> None:
@@ -189,6 +275,7 @@ def _mark_overlaps(
     face_index: NDArray[np.int32],
     marked: NDArray[np.bool_],
     hidden: NDArray[np.int64],
+    shown: NDArray[np.int32],
 ) -> None:
     """Find faces that hold a texel's centre which another face shows; mark both, and count such texels by face.
 
@@ -202,6 +289,8 @@ def _mark_overlaps(
         Face that each texel shows.
     marked, hidden : ndarrays of shape (F,), bool and int64
         Written.
+    shown : ndarray of shape (F,)
+        Written: a face that shows where this one is hidden.
     """
     height, width = face_index.shape
     for f in prange(len(corner_xy)):
@@ -223,4 +312,5 @@ def _mark_overlaps(
                 if b1 > 1e-6 and b2 > 1e-6 and b1 + b2 < 1 - 1e-6:
                     hidden[f] += 1
                     marked[f] = True
+                    shown[f] = other
                     marked[other] = True

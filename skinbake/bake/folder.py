@@ -105,7 +105,7 @@ class BakeFolder:
     @cached_property
     def scene(self) -> pipeline.SceneData:
         """Mesh, maps and environments, read when first needed."""
-        look = self.spec.model_dump(mode="json", include={"mesh", "maps", "texture"})
+        look = self.spec.model_dump(mode="json", include={"mesh", "occluders", "maps", "texture"})
         skies = [light.model_dump(mode="json") for light in self.spec.lights if light.type == "environment"]
         roles = {role: digest for role, digest in self.inputs.items() if role != "skin"}
         key = key_of(look, skies, roles)
@@ -113,6 +113,8 @@ class BakeFolder:
         def read() -> pipeline.SceneData:
             with self.timed("read"):
                 scene = read_scene(self.spec)
+            for note in scene.mesh.notes:
+                self.say(f"  {note}")
             self._check_inputs()
             return scene
 

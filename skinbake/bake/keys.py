@@ -27,6 +27,7 @@ def light_key(spec: SceneSpec, inputs: dict[str, str], name: str, energy_conserv
     return key_of(
         code_key("atlas", "irradiance", *READERS),
         geometry(spec, inputs),
+        occluders(spec, inputs),
         (
             spec.maps.normal.model_dump(mode="json", exclude={"path"}) if spec.maps.normal else None,
             inputs.get("normal"),
@@ -42,6 +43,12 @@ def geometry(spec: SceneSpec, inputs: dict[str, str]) -> list[Any]:
     return [mesh, inputs["mesh"], spec.texture.model_dump(mode="json")]
 
 
+def occluders(spec: SceneSpec, inputs: dict[str, str]) -> list[Any]:
+    """What rays meet that lies in other files than the mesh."""
+    placed = _without_paths(spec.model_dump(mode="json", include={"occluders"}))
+    return [placed, sorted(item for item in inputs.items() if item[0].startswith("occluder."))]
+
+
 def diffuse_key(spec: SceneSpec, inputs: dict[str, str], gaussians: Any, irradiance: Any) -> str:
     """Of the lobes: `gaussians` are variances and weights, `irradiance` what identifies the light that is blurred."""
     return key_of(
@@ -50,7 +57,7 @@ def diffuse_key(spec: SceneSpec, inputs: dict[str, str], gaussians: Any, irradia
         gaussians,
         irradiance,
         spec.diffusion.model_dump(mode="json"),
-        spec.terms.transmission,
+        (spec.terms.transmission, occluders(spec, inputs) if spec.terms.transmission != "off" else None),
         _albedo(spec, inputs),
         (spec.output.precision, spec.output.compression, spec.output.lights, spec.output.seed),
     )
@@ -90,5 +97,5 @@ def _albedo(spec: SceneSpec, inputs: dict[str, str]) -> Any:
 def _without_paths(value: Any) -> Any:
     """Where files lie makes no difference, what is in them has its own key."""
     if isinstance(value, dict):
-        return {key: _without_paths(inner) for key, inner in value.items() if key not in ("path", "dir")}
+        return {key: _without_paths(inner) for key, inner in value.items() if key not in ("path", "dir", "opacity")}
     return [_without_paths(inner) for inner in value] if isinstance(value, list) else value

@@ -115,7 +115,7 @@ class StageRunner(BakeFolder):
 
         def write() -> None:
             if self.spec.texture.unwrap == "xatlas":  # whoever shades with the textures needs the UVs they are on
-                write_obj(self.out / "mesh.obj", mesh, self.spec.mesh.millimetres_per_unit)
+                write_obj(self.out / "mesh.obj", mesh, self.spec.mesh.millimetres_per_unit or 1.0)
             for tile in result:
                 path = paths[tile.tile]
                 write_irradiance(path, tile, self.light_keys, self.header, precision, self.spec.output.compression)

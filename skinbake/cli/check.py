@@ -56,8 +56,11 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
     InputError, MachineError
         Files that cannot be read; a bake that this machine cannot hold.
     """
+    from dataclasses import asdict
+
     from skinbake.atlas import tiles_of
     from skinbake.atlas.report import report_picture, uv_report
+    from skinbake.io.mesh import part_table
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.pipeline import atlas_of, refuse_too_large
@@ -100,6 +103,9 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
             {"sigma_mm": round(float(v) ** 0.5, 4), "sigma_texels": round(float(v) ** 0.5 / texel_mm, 3)}
             for v in gaussians.variance_mm2
         ],
+        "parts": [asdict(row) for row in part_table(spec)],
+        "hidden_parts": [list(pair) for pair in uv.hidden_parts],
+        "notes": list(scene.mesh.notes),
         "maps": sizes,
         "expected": expected(spec, uv, len(atlas), gaussians.variance_mm2.tolist()),
     }
@@ -185,6 +191,13 @@ def readable(report: dict[str, Any]) -> str:
         "lobes     sigma "
         + ", ".join(f"{lobe['sigma_mm']:.3g} mm = {lobe['sigma_texels']:.3g} texels" for lobe in report["lobes"]),
     ]
+    if len(report["parts"]) > 1:
+        lines += [f"part      {_part(part)}" for part in report["parts"]]
+        lines += [
+            f"hidden    {share:.1%} of the skin: {below} under {above}"
+            for below, above, share in report["hidden_parts"]
+        ]
+    lines += [f"note      {note}" for note in report["notes"]]
     for name, sizes in report["maps"].items():
         if sizes:
             lines.append(f"{name:<9} " + ", ".join(f"{w} x {h}" for w, h in sizes))
@@ -194,3 +207,11 @@ def readable(report: dict[str, Any]) -> str:
     )
     lines += [f"picture   {path}" for path in report.get("pictures", [])]
     return "\n".join(lines)
+
+
+def _part(part: dict[str, Any]) -> str:
+    """One line of the list of parts."""
+    box = part["uv_box"]
+    uvs = f"UVs {box[0]:.2f} {box[1]:.2f} to {box[2]:.2f} {box[3]:.2f}" if box else "no UVs"
+    size = " x ".join(f"{x:.0f}" for x in part["extent_mm"])
+    return f"{part['role']:<6} {part['name']}: {part['triangles']} triangles, {size} mm, {uvs}"

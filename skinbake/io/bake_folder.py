@@ -17,7 +17,8 @@ from skinbake.io.half import as_half
 from skinbake.io.image import read_maps
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.manifest import NAME, read_manifest, spec_of
-from skinbake.io.mesh import read_mesh
+from skinbake.io.mesh import read_look_mesh
+from skinbake.io.repaint import repaint
 from skinbake.preview.scene import PreviewLobe, PreviewScene
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
@@ -67,14 +68,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
         irradiance[tile] = _layers(folder / file, parts, [LIGHT + name for name in names])
         visibility[tile] = np.stack([channel_of(folder / file, parts, LIGHT + name, "visibility") for name in names])
 
-    mesh = read_mesh(
-        spec.mesh.path,
-        spec.mesh.millimetres_per_unit,
-        flip_v=spec.mesh.flip_v,
-        unwrap=spec.texture.unwrap,
-        any_size=spec.mesh.any_size,
-        uv_set=spec.mesh.uv_set,
-    )
+    mesh = read_look_mesh(spec)
     lobes = tuple(_lobe(folder, entry, spec, names if separate else None) for entry in manifest["lobes"])
     try:
         scene = PreviewScene(
@@ -83,7 +77,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
             lobes,
             irradiance,
             visibility,
-            half_maps(read_maps(spec.maps, tuple(irradiance))),
+            half_maps(repaint(spec, mesh, read_maps(spec.maps, tuple(irradiance)))),
             spec.texturing,
             spec.specular,
             bool(manifest["terms"].get("energy_conservation", False)),

@@ -16,7 +16,9 @@ from skinbake.scene.parse import parse, unknown_keys
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import SceneSpec
 
-_PATH_KEYS = re.compile(r"mesh\.path|maps\.\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir")
+_PATH_KEYS = re.compile(
+    r"mesh\.path|occluders\[\d+\]\.(path|opacity)|maps\.\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"
+)
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}")
 
 

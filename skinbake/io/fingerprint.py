@@ -67,6 +67,10 @@ def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
     roles["skin"] = getattr(spec.skin, "path", None)
     found = {role: tuple(files_named(path)) for role, path in roles.items() if path is not None}
     found["mesh"] = mesh_files(spec.mesh.path)
+    for index, occluder in enumerate(spec.occluders):
+        found[f"occluder.{index}"] = mesh_files(occluder.path)
+        if occluder.opacity is not None:
+            found[f"occluder.{index}.opacity"] = (Path(occluder.opacity),)
     for role, files in found.items():
         if not files:
             raise InputError(f"{roles[role]}: expected a file for at least one UDIM tile, found none")

@@ -112,6 +112,21 @@ def read_map(path: Path | str, channels: int, assume: str = "auto", color_space:
     return np.ascontiguousarray(np.repeat(colours, 3, axis=2) if colours.shape[2] < channels else colours)
 
 
+def read_opacity(path: Path | str) -> Image:
+    """What stops light at each texel, 0 ... 1, shape (h, w): the alpha of a picture that has one, else its grey.
+
+    Raises
+    ------
+    InputError
+        The file is missing or cannot be read, or leaves its range.
+    """
+    pixels, _ = _pixels(Path(path))
+    values = _decode(pixels, "linear")
+    _refuse_non_finite(Path(path), values)
+    grey = values[..., -1:] if values.shape[2] in (2, 4) else values[..., :3].mean(axis=2, keepdims=True)
+    return _within(Path(path), grey.astype(np.float32), 0.0, 1.0)[..., 0]
+
+
 def srgb_to_linear(encoded: NDArray[np.floating]) -> NDArray[np.float64]:
     """Decode sRGB (IEC 61966-2-1); values past 1 follow the curve, values below 0 its mirror."""
     x = np.abs(np.asarray(encoded, dtype=np.float64))

@@ -103,4 +103,4 @@ def _mapped(value: Any, change: Any, key: str = "") -> Any:
         return {k: _mapped(v, change, k) for k, v in value.items()}
     if isinstance(value, list):
         return [_mapped(v, change) for v in value]
-    return change(value) if key in ("path", "dir") and isinstance(value, str) else value
+    return change(value) if key in ("path", "dir", "opacity") and isinstance(value, str) else value

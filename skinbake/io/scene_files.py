@@ -7,7 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from skinbake.atlas import tiles_of
 from skinbake.errors import InputError
 from skinbake.io.image import read_environments, read_maps
-from skinbake.io.mesh import read_mesh
+from skinbake.io.mesh import read_look_mesh
+from skinbake.io.repaint import repaint
 from skinbake.irradiance.occluder import Occluder
 from skinbake.pipeline import SceneData
 from skinbake.scene.spec import SceneSpec
@@ -29,14 +30,7 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
     with ThreadPoolExecutor(1) as pool:  # pictures are decoded while the mesh is parsed
         environments = pool.submit(read_environments, spec.lights)
         maps = None if spec.texture.udim else pool.submit(read_maps, spec.maps)
-        mesh = read_mesh(
-            spec.mesh.path,
-            spec.mesh.millimetres_per_unit,
-            flip_v=spec.mesh.flip_v,
-            unwrap=spec.texture.unwrap,
-            any_size=spec.mesh.any_size,
-            uv_set=spec.mesh.uv_set,
-        )
+        mesh = read_look_mesh(spec)
         try:
             tiles = tiles_of(mesh, spec.texture.udim)
         except InputError as error:
@@ -45,4 +39,4 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
         building = builder.submit(Occluder, mesh) if rays else None
         builder.shutdown(wait=False)
         of_tiles = maps.result() if maps else read_maps(spec.maps, tiles)
-        return SceneData(mesh, of_tiles, environments.result(), building)
+        return SceneData(mesh, repaint(spec, mesh, of_tiles), environments.result(), building)

@@ -9,11 +9,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.irradiance.cards import Cards
 from skinbake.irradiance.shadow_origin import facets_of
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
+from skinbake.scene.casters import OPAQUE, Casters
 from skinbake.scene.mesh import SkinMesh
 
+SKIN = 0  # embree's number of the geometry that was added first
 BATCH = 65536  # rays; below this a second thread costs more than it brings
 
 Vectors = NDArray[np.float32]
@@ -44,11 +47,25 @@ class Occluder:
         self.spacing_mm = float(np.spacing(np.abs(positions).max()))
         self._scene = EmbreeScene(robust=True)
         self._triangles = TriangleMesh(self._scene, positions, surface.faces)
+        self._cards: Cards | None = None
+        if mesh.casters is not None:
+            self._add(mesh.casters)
         nothing = np.zeros((1, 3), np.float32)
         self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
 
+    def _add(self, casters: Casters) -> None:
+        """Have rays meet what is not skin."""
+        from embreex.mesh_construction import TriangleMesh
+
+        positions = np.ascontiguousarray(casters.positions_mm - self.centre_mm, dtype=np.float32)
+        opaque = casters.image == OPAQUE
+        if opaque.any():
+            self._solid = TriangleMesh(self._scene, positions, np.ascontiguousarray(casters.faces[opaque]))
+        if not opaque.all():
+            self._cards = Cards(positions, casters)
+
     def occluded(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Whether each ray meets the mesh, shape (n,).
+        """Whether each ray meets the mesh or a caster, shape (n,).
 
         Each ray is a question of its own: batches and threads cannot change an answer.
 
@@ -67,6 +84,10 @@ class Occluder:
             rays = direction[part] if len(direction) > 1 else direction
             hit = self._scene.run(origin[part], rays, reach[part], query="OCCLUDED")
             np.not_equal(hit, -1, out=answer[part])
+            if self._cards is not None:
+                clear = np.flatnonzero(~answer[part])
+                rays = rays[clear] if len(rays) > 1 else np.repeat(rays, len(clear), axis=0)
+                answer[part][clear] = self._cards.blocked(origin[part][clear], rays, reach[part][clear])
 
         spread(ask, len(origin), BATCH)
         return answer
@@ -77,7 +98,7 @@ class Occluder:
         """Triangle of the smooth surface that each ray meets first, barycentrics 1 and 2 in it, and distance; each
         (n,).
 
-        The triangle is -1 where there is none.
+        The triangle is -1 where there is none, or where a caster without opacity is met first.
         """
         triangle = np.empty(len(origin), dtype=np.int32)
         b1, b2, distance = (np.zeros(len(origin), dtype=np.float32) for _ in range(3))
@@ -85,6 +106,7 @@ class Occluder:
         def ask(part: slice) -> None:
             hit = self._scene.run(origin[part], direction[part], output=1)
             triangle[part], b1[part], b2[part], distance[part] = hit["primID"], hit["u"], hit["v"], hit["tfar"]
+            triangle[part][hit["geomID"] != SKIN] = -1
 
         spread(ask, len(origin), BATCH)
         triangle[distance > 1e30] = -1

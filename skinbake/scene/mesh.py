@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.numerics import Float, normalized
+from skinbake.scene.casters import Casters
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,27 @@ class SkinMesh:
         u to the right, v up, (0, 0) the lower left corner of the texture (of tile 1001).
     corner_normal : ndarray of shape (F, 3, 3), float64
         Unit shading normals.
+    part : ndarray of shape (F,), int32
+        Index into `part_names`.
+    part_names : tuple of str
+        What each part of the file is called in messages.
+    map_uv : ndarray of shape (F, 3, 2), optional
+        The file's own UVs, for which maps were painted, where `corner_uv` was made anew.
+    casters : Casters, optional
+        What rays meet besides the skin.
+    notes : tuple of str
+        What was decided while reading that a person should know.
     """
 
     positions_mm: Float
     faces: NDArray[np.int32]
     corner_uv: Float
     corner_normal: Float
+    part: NDArray[np.int32] | None = None
+    part_names: tuple[str, ...] = ()
+    map_uv: Float | None = None
+    casters: Casters | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.faces)

@@ -14,26 +14,50 @@ from skinbake.scene.strict import Fraction, NonNegative, Positive, Strict
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "dm": 100.0, "m": 1000.0, "inch": 25.4}
 
 
-class MeshSpec(Strict):
-    """Mesh file, and the length of its unit."""
+Patterns = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
+
+
+class MeshFileSpec(Strict):
+    """A mesh file and how it lies in the scene, whose y is up and whose face looks along z."""
 
     path: str
-    unit: Literal["mm", "cm", "dm", "m", "inch"] | None = None
+    unit: Literal["mm", "cm", "dm", "m", "inch", "file"] | None = None
     mm_per_unit: Positive | None = None
+    up: Literal["y", "z"] | None = None  # which of the file's axes; by default what it says of itself, else y
+    front: Literal["z", "-z", "x", "-x"] = "z"  # along which the face looks once up is up
     flip_v: bool = False
     uv_set: Annotated[int, Field(ge=0, le=63)] | None = None  # of a glTF; by default its material's
-    any_size: bool = False  # skips the scale gate, for test scenes that are not heads
 
     @model_validator(mode="after")
-    def _one_unit(self) -> MeshSpec:
+    def _one_unit(self) -> MeshFileSpec:
         if (self.unit is None) == (self.mm_per_unit is None):
-            raise ValueError("expected exactly one of unit (mm, cm, dm, m, inch) and mm_per_unit")
+            raise ValueError("expected exactly one of unit (mm, cm, dm, m, inch, file) and mm_per_unit")
         return self
 
     @property
-    def millimetres_per_unit(self) -> float:
-        """Length of one mesh unit, mm."""
-        return self.mm_per_unit if self.mm_per_unit is not None else MM_PER_UNIT[str(self.unit)]
+    def millimetres_per_unit(self) -> float | None:
+        """Length of one mesh unit; None: the file says it."""
+        return MM_PER_UNIT.get(str(self.unit), self.mm_per_unit)
+
+
+class MeshSpec(MeshFileSpec):
+    """The head, and what its file's parts are: names or patterns with * and ?.
+
+    `skin` is baked; without it everything is that neither casts nor is ignored. `cast` shadows the skin, as does all
+    that `skin` leaves out; `ignore` is as if it were not there.
+    """
+
+    any_size: bool = False  # skips the scale gate, for test scenes that are not heads
+    skin: Patterns = ()
+    cast: Patterns = ()
+    ignore: Patterns = ()
+
+
+class OccluderSpec(MeshFileSpec):
+    """A file of things that shadow the skin: a hat, hair, glasses; those of its `parts` that match."""
+
+    parts: Patterns = ("*",)
+    opacity: str | None = None  # picture whose alpha, or grey, says what stops light
 
 
 class MapSpec(Strict):
@@ -80,6 +104,12 @@ class TextureSpec(Strict):
     gutter: Annotated[int, Field(ge=0, le=256)] = 8
     udim: bool = False
     unwrap: Literal["none", "xatlas"] = "none"
+
+    @model_validator(mode="after")
+    def _one_tile_is_made(self) -> TextureSpec:
+        if self.udim and self.unwrap != "none":
+            raise ValueError("unwrap: makes one tile, expected udim: false")
+        return self
 
     @field_validator("size", mode="before")
     @classmethod
@@ -170,6 +200,7 @@ class SceneSpec(Strict):
     """One look: everything that a bake is made from."""
 
     mesh: MeshSpec
+    occluders: tuple[OccluderSpec, ...] = ()
     maps: MapsSpec = MapsSpec()
     texture: TextureSpec = TextureSpec()
     skin: SkinSpec

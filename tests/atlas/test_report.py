@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skinbake.atlas import rasterize, report_picture, uv_report
+from skinbake.scene.mesh import SkinMesh
 from tests.shapes import joined, quad, sphere
 
 
@@ -69,3 +72,59 @@ def test_inside_out_only_where_it_encloses():
     sheet = quad()
     turned = type(sheet)(sheet.positions_mm, sheet.faces[:, ::-1].copy(), sheet.corner_uv[:, ::-1], sheet.corner_normal)
     assert not reported(turned)[0].inside_out
+
+
+def named(mesh, part, *names):
+    return replace(mesh, part=np.asarray(part, np.int32), part_names=names)
+
+
+def test_parts_that_lie_on_one_another_are_named():
+    """Hair on skin in the UVs: the message names both and proposes the larger as the skin."""
+    mesh = joined(quad(200, 200), quad(100, 50, 90))
+    mesh = named(mesh, [0, 0, 1, 1], "skin", "hair")
+    report = uv_report(mesh, rasterize(mesh, (64, 64)))
+    assert {frozenset(pair[:2]) for pair in report.hidden_parts} == {frozenset(["skin", "hair"])}
+    assert sum(pair[2] for pair in report.hidden_parts) == pytest.approx(report.overlapping_share)
+    (fault,) = report.faults
+    assert "hair" in fault
+    assert "mesh.skin: ['skin']" in fault
+    alone = named(joined(quad(200, 200), quad(200, 200, 9)), [0, 0, 0, 0], "skin")
+    (fault,) = uv_report(alone, rasterize(alone, (64, 64))).faults
+    assert "texture.unwrap: xatlas" in fault
+
+
+def test_double_sided_exports_are_told_from_stacked_charts():
+    """Every triangle once more, turned round: advice to export one side, and nothing about charts or turning."""
+    ball = sphere(90.0, "latlong", 12)
+    both = SkinMesh(
+        ball.positions_mm,
+        np.concatenate([ball.faces, ball.faces[:, ::-1]]),
+        np.concatenate([ball.corner_uv, ball.corner_uv[:, ::-1]]),
+        np.concatenate([ball.corner_normal, -ball.corner_normal[:, ::-1]]),
+    )
+    report = uv_report(both, rasterize(both, (64, 64)))
+    assert report.doubled == len(ball.faces)
+    assert report.doubled_share == pytest.approx(0.5)
+    (fault,) = report.faults
+    assert "exist twice" in fault
+    assert uv_report(ball, rasterize(ball, (64, 64))).doubled == 0
+
+
+@pytest.mark.parametrize("inwards", [False, True])
+@pytest.mark.parametrize("kept", ["ball", "mask", "mask with eyes", "plane"])
+def test_faces_that_look_inwards(kept, inwards):
+    """Closed, as a mask open at the back, with holes: told in either; a plane has no inside."""
+    mesh = quad(200.0, 200.0, columns=8, rows=8) if kept == "plane" else sphere(100.0, "latlong", 24)
+    centre = mesh.corner_position_mm.mean(axis=1)
+    keep = np.ones(len(centre), np.bool_)
+    if kept.startswith("mask"):
+        keep = centre[:, 2] > 20
+    if kept.endswith("eyes"):
+        keep &= np.linalg.norm(np.abs(centre[:, :2]) - [30, 20], axis=1) > 12
+    faces, uv, normal = mesh.faces[keep], mesh.corner_uv[keep], mesh.corner_normal[keep]
+    if inwards:
+        faces, uv, normal = faces[:, ::-1], uv[:, ::-1], -normal[:, ::-1]
+    turned = SkinMesh(mesh.positions_mm + 300, np.ascontiguousarray(faces), uv, normal)
+    report = uv_report(turned, rasterize(turned, (64, 64)))
+    assert report.inside_out == (inwards and kept != "plane")
+    assert any("inwards" in fault for fault in report.faults) == report.inside_out

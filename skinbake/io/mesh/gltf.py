@@ -14,6 +14,7 @@ from skinbake.io.mesh.gltf_file import GltfFile, as_numbers
 from skinbake.io.mesh.raw_mesh import RawMesh, joined, refuse_missing_vertices
 from skinbake.numerics import Float, safe_div
 
+METRE = 1000.0
 TRIANGLES, STRIP, FAN = 4, 5, 6
 FLOAT32_NOISE = 1e-6  # a transform that differs less from none was none before it was written
 SAME_PLACE = 1e-5  # of the mesh's extent: how far skinning by other float32 weights may part one point
@@ -142,6 +143,7 @@ def _part(
         normals[faces] if normals is not None else np.zeros((len(faces), 3, 3)),
         np.zeros(len(faces), np.int32),
         (tuple(dict.fromkeys(names)),),
+        mm_per_unit=METRE,
     )
 
 

@@ -33,6 +33,8 @@ class RawMesh:
     names : tuple of tuples of str
         For each part the names it goes by: of an OBJ its object, groups and material, of a glTF its node, mesh and
         material. May be empty.
+    mm_per_unit : float or None
+        Where the format or the file says it.
     """
 
     positions: Float
@@ -42,6 +44,12 @@ class RawMesh:
     corner_normal: Float
     part: NDArray[np.int32]
     names: tuple[tuple[str, ...], ...]
+    mm_per_unit: float | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each part is called in messages."""
+        return tuple("/".join(names) or "unnamed part" for names in self.names)
 
 
 def refuse_missing_vertices(path: Path, index: NDArray[np.integer], count: int) -> None:
@@ -81,4 +89,5 @@ def joined(meshes: Sequence[RawMesh]) -> RawMesh:
         np.concatenate([np.zeros((0, 3, 3)), *(mesh.corner_normal for mesh in meshes)]),
         np.concatenate([np.zeros(0, np.int32), *(m.part + np.int32(o) for m, o in zip(meshes, parts, strict=False))]),
         tuple(names for mesh in meshes for names in mesh.names),
+        meshes[0].mm_per_unit if meshes else None,
     )

@@ -2,119 +2,120 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
-from skinbake.io.mesh.gltf import read_gltf
-from skinbake.io.mesh.obj import read_obj
-from skinbake.io.mesh.ply import read_ply
+from skinbake.io.mesh.parts import choose_parts
+from skinbake.io.mesh.placement import placed
+from skinbake.io.mesh.raw_file import LARGEST, read_raw
 from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.io.mesh.size import refuse_wrong_size
-from skinbake.io.mesh.trimesh_file import read_with_trimesh
 from skinbake.io.mesh.unwrap import unwrap_mesh
 from skinbake.numerics import Float, normalized
+from skinbake.scene.casters import OPAQUE, Casters
 from skinbake.scene.mesh import SkinMesh, smooth_vertex_normals
-
-SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl", ".off")
-LARGEST = 1e18  # of any coordinate: its fourth power is still a float64
 
 
 def read_mesh(
     path: Path | str,
-    mm_per_unit: float,
+    mm_per_unit: float | None,
     flip_v: bool = False,
     unwrap: str = "none",
     any_size: bool = False,
     without_uvs: bool = False,
     uv_set: int | None = None,
+    up: str | None = None,
+    front: str = "z",
+    skin: Sequence[str] = (),
+    cast: Sequence[str] = (),
+    ignore: Sequence[str] = (),
 ) -> SkinMesh:
     """Read a mesh: polygons cut into triangles, positions welded, UVs and normals kept per corner.
 
     Parameters
     ----------
     path : path of an OBJ, GLB, glTF, PLY, STL or OFF file
-    mm_per_unit : float
+    mm_per_unit : float or None
+        None: what the file says.
     flip_v : bool
         Replaces v by 1 - v after the format's own convention (glTF has v down, all else v up).
     unwrap : "none" or "xatlas"
-        "xatlas" makes UVs when the file has none.
+        "xatlas" makes UVs; those of the file become `map_uv`.
     any_size : bool
         Skips the scale gate.
     without_uvs : bool
         Accepts a mesh that has no UVs and gives it zeros.
     uv_set : int, optional
         Which of a glTF's UV sets; by default the one that its material's base colour uses.
+    up, front : str
+        See `placed`.
+    skin, cast, ignore : sequences of str
+        See `choose_parts`.
 
     Raises
     ------
     InputError
-        The file is missing, is not a mesh, has no triangles, NaN vertices or no UVs, or is not as large as a head.
+        The file is missing, is not a mesh, has no triangles, NaN vertices or no UVs, has no part of a given name, or
+        is not as large as a head.
     """
     path = Path(path)
-    raw = _read(path, uv_set)
-    if not len(raw.faces):
-        raise InputError(f"{path}: expected triangles, got none")
-    _check_positions(path, raw.positions)
-    with np.errstate(over="ignore"):  # what overflows is infinite, and refused
-        positions = raw.positions * mm_per_unit
-    _check_positions(path, positions)
-    positions, faces = _weld(positions, raw.faces)
-    if not any_size:
-        refuse_wrong_size(path, positions, mm_per_unit)
+    raw = placed(path, read_raw(path, uv_set), mm_per_unit, up, front)
+    roles = choose_parts(path, raw, skin, cast, ignore, uvs_needed=unwrap == "none" and not without_uvs)
+    everything = bool(roles.skin.all())
 
-    has_uvs = bool(raw.has_uv.all())
-    if not has_uvs and unwrap == "none" and not without_uvs:
-        raise InputError(
-            f"{path}: expected UVs, the mesh has none; add them, or set texture.unwrap: xatlas to make them"
-        )
-    corner_uv = raw.corner_uv
+    def chosen(rows: NDArray) -> NDArray:
+        """Of the skin's triangles."""
+        return rows if everything else rows[roles.skin]
+
+    positions, faces = _weld(raw.positions, chosen(raw.faces))
+    if not any_size:
+        refuse_wrong_size(path, positions, raw.mm_per_unit or 1.0)
+    corner_uv, has_uv = chosen(raw.corner_uv), chosen(raw.has_uv)
     bad = np.flatnonzero(~np.isfinite(corner_uv).all(axis=(1, 2)))
     if len(bad):
         raise InputError(f"{path}: expected finite UVs, got NaN or Inf in {len(bad)} triangles, the first is {bad[0]}")
-    if flip_v and has_uvs:
-        corner_uv = np.stack([corner_uv[..., 0], 1 - corner_uv[..., 1]], axis=-1)
+    if flip_v and has_uv.all():
+        corner_uv = _flipped(corner_uv)
 
     # What is no direction is left out, and made from the triangles
-    usable = np.isfinite(raw.corner_normal) & (np.abs(raw.corner_normal) < LARGEST)
-    normal = normalized(np.where(usable, raw.corner_normal, 0.0)) + 0.0
+    normal = chosen(raw.corner_normal)
+    usable = np.isfinite(normal) & (np.abs(normal) < LARGEST)
+    normal = normalized(np.where(usable, normal, 0.0)) + 0.0
     missing = ~normal.any(axis=2)
     if missing.any():
         normal[missing] = smooth_vertex_normals(positions, faces)[faces[missing]]
-    mesh = SkinMesh(positions, faces, corner_uv, normal)
-    return unwrap_mesh(mesh) if unwrap == "xatlas" and not has_uvs else mesh
+    casters = casters_of(raw, roles.cast, flip_v) if roles.cast.any() else None
+    mesh = SkinMesh(
+        positions, faces, corner_uv, normal, chosen(raw.part), raw.labels, casters=casters, notes=roles.notes
+    )
+    return unwrap_mesh(mesh, has_uvs=bool(has_uv.all())) if unwrap == "xatlas" else mesh
 
 
-def _read(path: Path, uv_set: int | None) -> RawMesh:
-    """The triangles of a file of any kind."""
-    suffix = path.suffix.lower()
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
-    if path.is_dir() or suffix not in SUFFIXES:
-        raise InputError(f"{path}: expected a mesh file ({', '.join(SUFFIXES)})")
-    try:
-        if suffix == ".obj":
-            return read_obj(path)
-        if suffix in (".glb", ".gltf"):
-            return read_gltf(path, uv_set)
-        return read_ply(path) if suffix == ".ply" else read_with_trimesh(path)
-    except PermissionError:
-        raise InputError(f"{path}: permission to read it is missing") from None
-    except OSError as error:
-        raise InputError(f"{path}: expected a file that can be read, got: {error.strerror or error}") from None
+def casters_of(raw: RawMesh, cast: NDArray[np.bool_], flip_v: bool = False) -> Casters:
+    """Triangles of a mesh, already in millimetres, that only cast shadows; opaque.
+
+    Parameters
+    ----------
+    raw : RawMesh
+    cast : ndarray of shape (F,), bool
+    flip_v : bool
+    """
+    used, corner = np.unique(raw.faces[cast], return_inverse=True)
+    uv = np.nan_to_num(raw.corner_uv[cast], posinf=0.0, neginf=0.0)
+    return Casters(
+        raw.positions[used],
+        corner.reshape(-1, 3).astype(np.int32),
+        _flipped(uv) if flip_v else uv,
+        np.full(np.count_nonzero(cast), OPAQUE, np.int32),
+    )
 
 
-def _check_positions(path: Path, positions: Float) -> None:
-    """Refuse what no arithmetic can follow; the size gate comes later, in millimetres."""
-    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
-    if len(bad):
-        raise InputError(
-            f"{path}: expected finite vertices, got {len(bad)} with NaN or Inf, the first at index {bad[0]}"
-        )
-    if positions.size and np.abs(positions).max() >= LARGEST:
-        raise InputError(f"{path}: expected vertices below {LARGEST:g}, got {np.abs(positions).max():g}")
+def _flipped(corner_uv: Float) -> Float:
+    return np.stack([corner_uv[..., 0], 1 - corner_uv[..., 1]], axis=-1)
 
 
 def _weld(positions: Float, faces: NDArray[np.int32]) -> tuple[Float, NDArray[np.int32]]:

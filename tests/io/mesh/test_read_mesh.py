@@ -182,12 +182,17 @@ def test_unwrap_makes_charts_without_overlap():
     assert report.faults == ()
 
 
-def test_reading_unwraps_only_what_has_no_uvs(tmp_path):
-    """unwrap: xatlas makes UVs for a bare mesh and leaves those of the file alone."""
+def test_reading_unwraps_where_it_is_asked_for(tmp_path):
+    """unwrap: xatlas makes UVs for a bare mesh, and for one that has some, which are kept to read maps by."""
     bare = "\n".join(line for line in TENT.splitlines() if line[:2] in ("v ", "# ")) + "\nf 1 2 3 4\nf 2 5 6 3\n"
-    assert np.ptp(read_mesh(written(tmp_path, bare), 1.0, unwrap="xatlas").corner_uv) > 0.1
+    made = read_mesh(written(tmp_path, bare), 1.0, unwrap="xatlas")
+    assert np.ptp(made.corner_uv) > 0.1
+    assert made.map_uv is None
     path = written(tmp_path, TENT, "tent.obj")
-    np.testing.assert_array_equal(read_mesh(path, 1.0, unwrap="xatlas").corner_uv, read_mesh(path, 1.0).corner_uv)
+    made, own = read_mesh(path, 1.0, unwrap="xatlas"), read_mesh(path, 1.0)
+    np.testing.assert_array_equal(made.map_uv, own.corner_uv)
+    assert np.abs(made.corner_uv - own.corner_uv).max() > 0.1
+    assert own.map_uv is None
 
 
 BAD = {

@@ -1,0 +1,72 @@
+"""The mesh of a look, and what else is in the way of its light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from skinbake.errors import InputError
+from skinbake.io.image import read_opacity
+from skinbake.io.mesh.parts import choose_parts
+from skinbake.io.mesh.placement import placed
+from skinbake.io.mesh.raw_file import read_raw
+from skinbake.io.mesh.read_mesh import casters_of, read_mesh
+from skinbake.scene.casters import Casters, joined_casters
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import OccluderSpec, SceneSpec
+
+
+def read_look_mesh(spec: SceneSpec) -> SkinMesh:
+    """Read the skin of a look with everything that shadows it.
+
+    Raises
+    ------
+    InputError
+        A file is missing or unusable, or maps were painted for UVs that the mesh does not have.
+    """
+    of, maps = spec.mesh, spec.maps
+    mesh = read_mesh(
+        of.path,
+        of.millimetres_per_unit,
+        flip_v=of.flip_v,
+        unwrap=spec.texture.unwrap,
+        any_size=of.any_size,
+        uv_set=of.uv_set,
+        up=of.up,
+        front=of.front,
+        skin=of.skin,
+        cast=of.cast,
+        ignore=of.ignore,
+    )
+    painted = [name for name in ("albedo", "normal", "roughness", "specular") if getattr(maps, name) is not None]
+    if painted and spec.texture.unwrap != "none" and mesh.map_uv is None:
+        raise InputError(
+            f"{of.path}: maps.{painted[0]}: was painted for UVs that the mesh does not have: texture.unwrap makes a"
+            " layout that no map knows; unwrap the mesh in your tool, paint, and set texture.unwrap: none,"
+            " or leave the maps out"
+        )
+    return replace(mesh, casters=joined_casters([*filter(None, [mesh.casters]), *map(read_occluder, spec.occluders)]))
+
+
+def read_occluder(spec: OccluderSpec) -> Casters:
+    """Read one file of things that shadow the skin.
+
+    Raises
+    ------
+    InputError
+        The file or its picture is missing or unusable, no part has the name, or there are no UVs for the picture.
+    """
+    path = Path(spec.path)
+    raw = placed(path, read_raw(path, spec.uv_set), spec.millimetres_per_unit, spec.up, spec.front)
+    cast = choose_parts(path, raw, skin=spec.parts, uvs_needed=False, key="occluders.parts").skin
+    casters = casters_of(raw, cast, spec.flip_v)
+    if spec.opacity is None:
+        return casters
+    bare = np.unique(raw.part[cast & ~raw.has_uv])
+    if len(bare):
+        raise InputError(
+            f"{path}: occluders.opacity: expected UVs by which to look it up, {raw.labels[bare[0]]} has none"
+        )
+    return replace(casters, image=np.zeros_like(casters.image), opacity=(read_opacity(spec.opacity),))

@@ -1,0 +1,65 @@
+"""A mesh file of any kind as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from skinbake.errors import InputError
+from skinbake.io.mesh.gltf import read_gltf
+from skinbake.io.mesh.obj import read_obj
+from skinbake.io.mesh.ply import read_ply
+from skinbake.io.mesh.raw_mesh import RawMesh
+from skinbake.io.mesh.trimesh_file import read_with_trimesh
+from skinbake.numerics import Float
+
+SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl", ".off")
+LARGEST = 1e18  # of any coordinate: its fourth power is still a float64
+
+
+def read_raw(path: Path, uv_set: int | None = None) -> RawMesh:
+    """The triangles of a file of any kind.
+
+    Raises
+    ------
+    InputError
+        The file is missing, is not a mesh, has no triangles, or vertices that are not finite.
+    """
+    suffix = path.suffix.lower()
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    if path.is_dir() or suffix not in SUFFIXES:
+        raise InputError(f"{path}: expected a mesh file ({', '.join(SUFFIXES)})")
+    try:
+        if suffix == ".obj":
+            raw = read_obj(path)
+        elif suffix in (".glb", ".gltf"):
+            raw = read_gltf(path, uv_set)
+        else:
+            raw = read_ply(path) if suffix == ".ply" else read_with_trimesh(path)
+    except PermissionError:
+        raise InputError(f"{path}: permission to read it is missing") from None
+    except OSError as error:
+        raise InputError(f"{path}: expected a file that can be read, got: {error.strerror or error}") from None
+    if not len(raw.faces):
+        raise InputError(f"{path}: expected triangles, got none")
+    refuse_endless(path, raw.positions)
+    return raw
+
+
+def refuse_endless(path: Path, positions: Float) -> None:
+    """Refuse vertices that no arithmetic can follow; the size gate comes later, in millimetres.
+
+    Raises
+    ------
+    InputError
+        A vertex is not finite, or further out than anything is.
+    """
+    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{path}: expected finite vertices, got {len(bad)} with NaN or Inf, the first at index {bad[0]}"
+        )
+    if positions.size and np.abs(positions).max() >= LARGEST:
+        raise InputError(f"{path}: expected vertices below {LARGEST:g}, got {np.abs(positions).max():g}")
