@@ -20,6 +20,13 @@ def repaint(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps) -> SkinMaps:
 
     Normals come out in object space, since tangents turn with the layout.
 
+    Parameters
+    ----------
+    spec : SceneSpec
+    mesh : SkinMesh
+    maps : SkinMaps
+        As they are in the files.
+
     Raises
     ------
     InputError

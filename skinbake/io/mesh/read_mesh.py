@@ -68,7 +68,7 @@ def read_mesh(
     everything = bool(roles.skin.all())
 
     def chosen(rows: NDArray) -> NDArray:
-        """Of the skin's triangles."""
+        """The rows of the skin's triangles."""
         return rows if everything else rows[roles.skin]
 
     positions, faces = _weld(raw.positions, chosen(raw.faces))
