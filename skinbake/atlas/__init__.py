@@ -2,10 +2,18 @@
 
 from skinbake.atlas.interpolate import interpolate
 from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, mm_per_texel, uv_jacobian
-from skinbake.atlas.raster import FIRST_TILE, NO_FACE, Atlas, AtlasRaster
-from skinbake.atlas.rasterize import rasterize, signed_uv_area, tile_origin, tiles_of
+from skinbake.atlas.raster import NO_FACE, Atlas, AtlasRaster
+from skinbake.atlas.rasterize import rasterize, signed_uv_area
 from skinbake.atlas.report import UvReport, report_picture, uv_report
 from skinbake.atlas.sample import sample_map, shrink
+from skinbake.atlas.texel_coordinates import (
+    FIRST_TILE,
+    corner_texels,
+    local_uv,
+    tile_of_face,
+    tile_origin,
+    tiles_of,
+)
 
 __all__ = [
     "FIRST_TILE",
@@ -13,15 +21,18 @@ __all__ = [
     "Atlas",
     "AtlasRaster",
     "UvReport",
+    "corner_texels",
     "face_mm_per_texel",
     "first_fundamental_form",
     "interpolate",
+    "local_uv",
     "mm_per_texel",
     "rasterize",
     "report_picture",
     "sample_map",
     "shrink",
     "signed_uv_area",
+    "tile_of_face",
     "tile_origin",
     "tiles_of",
     "uv_jacobian",

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 NO_FACE = -1
-FIRST_TILE = 1001
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Rasterisation: a mesh with UVs becomes its atlas. v becomes a row here."""
+"""Rasterisation: a mesh with UVs becomes its atlas."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from skinbake.atlas.border import chart_edges, nearest_chart_points
 from skinbake.atlas.coverage import bin_by_band, rasterize_coverage
-from skinbake.atlas.raster import FIRST_TILE, NO_FACE, Atlas, AtlasRaster
-from skinbake.errors import InputError
+from skinbake.atlas.raster import NO_FACE, Atlas, AtlasRaster
+from skinbake.atlas.texel_coordinates import corner_texels, tiles_of
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -57,42 +57,12 @@ def signed_uv_area(mesh: SkinMesh) -> Float:
     return 0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
 
 
-def tiles_of(mesh: SkinMesh, udim: bool) -> tuple[int, ...]:
-    """UDIM numbers that hold the centre of at least one face, ascending; (1001,) without `udim`.
-
-    Raises
-    ------
-    InputError
-        If a face lies where there is no tile.
-    """
-    if not udim:
-        return (FIRST_TILE,)
-    cell = np.floor(mesh.corner_uv.mean(axis=1))
-    outside = (cell < 0).any(axis=1) | (cell[:, 0] > 9) | (cell[:, 1] > 899)
-    if outside.any():
-        u, v = mesh.corner_uv[outside].mean(axis=1)[0]
-        raise InputError(
-            f"texture.udim: expected UVs on tiles 1001 to 9999, u from 0 to 10 and v from 0 to 900, got "
-            f"{np.count_nonzero(outside)} triangle(s) elsewhere, the first at u = {u:.4g}, v = {v:.4g}"
-        )
-    cell = cell.astype(np.int64)
-    return tuple(int(t) for t in np.unique(FIRST_TILE + cell[:, 0] + 10 * cell[:, 1]))
-
-
-def tile_origin(tile: int) -> tuple[int, int]:
-    """Lower left corner (u, v) of a UDIM tile."""
-    return (tile - FIRST_TILE) % 10, (tile - FIRST_TILE) // 10
-
-
 def _rasterize_tile(
     mesh: SkinMesh, tile: int, size: tuple[int, int], gutter: int, uv_area: Float, edges: np.ndarray
 ) -> AtlasRaster:
     """Raster of one tile: coverage, centres, then closest points for the rest."""
     width, height = size
-    u0, v0 = tile_origin(tile)
-    corner_xy = np.empty_like(mesh.corner_uv)
-    corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
-    corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
+    corner_xy = corner_texels(mesh, tile, (height, width))
 
     face_index = np.full((height, width), NO_FACE, dtype=np.int32)
     barycentric = np.zeros((height, width, 2), dtype=np.float32)

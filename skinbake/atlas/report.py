@@ -12,7 +12,8 @@ from scipy.sparse.csgraph import connected_components
 
 from skinbake.atlas.metric import first_fundamental_form
 from skinbake.atlas.raster import NO_FACE, Atlas
-from skinbake.atlas.rasterize import signed_uv_area, tile_origin
+from skinbake.atlas.rasterize import signed_uv_area
+from skinbake.atlas.texel_coordinates import corner_texels, local_uv
 from skinbake.errors import InputError
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, safe_div
@@ -136,10 +137,9 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
     overlapping, hidden = np.zeros(len(area), np.bool_), np.zeros(len(area), np.int64)
     shown = np.full(len(area), NO_FACE, np.int32)
     for raster in atlas:
-        origin = np.asarray(tile_origin(raster.tile))
-        local = mesh.corner_uv - origin
+        local = local_uv(mesh.corner_uv, raster.tile)
         outside &= (local < -1e-6).any(axis=(1, 2)) | (local > 1 + 1e-6).any(axis=(1, 2))
-        corner_xy = np.stack([local[..., 0] * width, (1 - local[..., 1]) * height], axis=-1)
+        corner_xy = corner_texels(mesh, raster.tile, raster.shape)
         _mark_overlaps(corner_xy, uv_area != 0, raster.face_index, overlapping, hidden, shown)
 
     kind = np.full(len(area), GOOD, np.uint8)

@@ -9,7 +9,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE, AtlasRaster
-from skinbake.atlas.rasterize import tile_origin
+from skinbake.atlas.texel_coordinates import local_uv, texel_xy_kernel
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
@@ -62,7 +62,7 @@ def fitted_map(raster: AtlasRaster, mesh: SkinMesh, image: Image) -> tuple[Image
     corner_uv : ndarray of shape (F, 3, 2)
     """
     image = image.reshape(*image.shape[:2], -1)
-    return shrink(image, raster.shape), mesh.corner_uv - np.asarray(tile_origin(raster.tile), np.float64)
+    return shrink(image, raster.shape), local_uv(mesh.corner_uv, raster.tile)
 
 
 def shrink(image: Image, shape: tuple[int, int]) -> Image:
@@ -142,9 +142,28 @@ def place_in_map(
     b0 = 1.0 - b1 - b2
     u = b0 * corner_uv[f, 0, 0] + b1 * corner_uv[f, 1, 0] + b2 * corner_uv[f, 2, 0]
     v = b0 * corner_uv[f, 0, 1] + b1 * corner_uv[f, 1, 1] + b2 * corner_uv[f, 2, 1]
-    # v becomes a row the same way as in the raster: v = 1 is the top of row 0
-    x = min(max(u * width - 0.5, 0.0), width - 1.0)
-    y = min(max((1.0 - v) * height - 0.5, 0.0), height - 1.0)
+    return texels_around(u, v, height, width)
+
+
+@kernel(inline=True)
+def texels_around(u: float, v: float, height: int, width: int) -> tuple[int, int, float, int, int, float]:
+    """The two rows and two columns of a map whose centres lie around a UV; the nearest ones beyond its border.
+
+    Parameters
+    ----------
+    u, v : float
+        Within the tile, 0 ... 1.
+    height, width : int
+        Size of the map.
+
+    Returns
+    -------
+    y0, y1, fy, x0, x1, fx
+        As `place_in_map` returns them.
+    """
+    x, y = texel_xy_kernel(u, v, height, width)
+    x = min(max(x - 0.5, 0.0), width - 1.0)
+    y = min(max(y - 0.5, 0.0), height - 1.0)
     x0, y0 = int(x), int(y)
     return y0, min(y0 + 1, height - 1), y - y0, x0, min(x0 + 1, width - 1), x - x0
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas.raster import FIRST_TILE
+from skinbake.atlas import FIRST_TILE
 from skinbake.errors import InputError
 from skinbake.scene.lights import EnvironmentLight, LightSpec
 from skinbake.scene.maps import SkinMaps

@@ -9,6 +9,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import shrink
+from skinbake.atlas.sample import bilinear
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
@@ -186,6 +187,4 @@ def look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Imag
             i, j = min(max(int(y), 0), size - 1), min(max(int(x), 0), size - 1)
             fy, fx = y - i, x - j
             for k in range(3):
-                top = table[i, j, k] * (1.0 - fx) + table[i, j + 1, k] * fx
-                bottom = table[i + 1, j, k] * (1.0 - fx) + table[i + 1, j + 1, k] * fx
-                out[row, col, k] = top * (1.0 - fy) + bottom * fy
+                out[row, col, k] = bilinear(table, k, i, i + 1, fy, j, j + 1, fx)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import FIRST_TILE, signed_uv_area, tile_origin
+from skinbake.atlas import FIRST_TILE, local_uv, signed_uv_area, tile_of_face
 from skinbake.irradiance.normal_map import corner_tangents
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
@@ -45,18 +45,17 @@ def vertex_buffers(mesh: SkinMesh, tiles: tuple[int, ...]) -> dict[int, VertexBu
         Tiles with textures. A single 1001 takes every face, its UVs as they are.
     """
     if tiles == (FIRST_TILE,):
-        tile_of_face = np.full(len(mesh.faces), FIRST_TILE)
+        owner = np.full(len(mesh.faces), FIRST_TILE)
     else:
-        cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(int)
-        tile_of_face = FIRST_TILE + cell[:, 0] + 10 * cell[:, 1]
-    whole = mesh.face_area_mm2 > 0
-    found = {tile: np.flatnonzero((tile_of_face == tile) & whole) for tile in tiles}
+        owner = tile_of_face(mesh)
+    drawn = mesh.face_area_mm2 > 0
+    found = {tile: np.flatnonzero((owner == tile) & drawn) for tile in tiles}
     return {tile: _buffers(mesh, faces, tile) for tile, faces in found.items() if len(faces)}
 
 
 def _buffers(mesh: SkinMesh, faces: NDArray[np.intp], tile: int) -> VertexBuffers:
     """Buffers of one tile's faces."""
-    uv = mesh.corner_uv[faces] - tile_origin(tile)
+    uv = local_uv(mesh.corner_uv[faces], tile)
     side = np.where(signed_uv_area(mesh)[faces] < 0, -1.0, 1.0)
 
     # One vertex for every different (position, uv, normal, handedness) at a corner

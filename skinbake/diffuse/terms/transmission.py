@@ -12,8 +12,7 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin
-from skinbake.atlas.rasterize import tiles_of
+from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin, tiles_of
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
