@@ -5,10 +5,25 @@ Exit codes: 0 done, 1 a comparison differs or a tolerance was missed, 2 bad inpu
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Sequence
 
 MOST_FAULTS = 20  # what a person reads of one configuration
 LONGEST = 1000  # characters of one fault
+
+
+def printable(text: str) -> str:
+    r"""Text without what would steer a terminal: control characters and the like as `\x1b`, line breaks and tabs kept.
+
+    Bidirectional marks, with which a name reads otherwise than it is, are escaped too, and bytes of a path that are not
+    UTF-8, which no stream takes.
+    """
+    return "".join(
+        character
+        if character in "\n\t" or unicodedata.category(character) not in ("Cc", "Cf", "Cs", "Zl", "Zp")
+        else character.encode("unicode_escape").decode("ascii")
+        for character in text
+    )
 
 
 class SkinbakeError(Exception):

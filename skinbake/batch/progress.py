@@ -9,6 +9,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
+from skinbake.errors import printable
+
 WORDS = {"done": "done", "fresh": "as it was", "missed": "tolerance missed", "failed": "FAILED", "skipped": "skipped"}
 
 
@@ -64,7 +66,9 @@ class BatchProgress:
         elif kind == "stage" and self.bars and name in self.rows:
             self.bars.update(self.rows[name], note=event["stage"])
         elif kind == "again":
-            self.console.print(f"{name}: {event['why']}; trying again", markup=False, soft_wrap=True)
+            self._print(f"{name}: {event['why']}; trying again")
+        elif kind == "wait":
+            self._print(f"{name}: {event['why']}")
         elif kind == "end":
             self._end(name, event)
 
@@ -84,7 +88,11 @@ class BatchProgress:
             text += f": {event['error'].splitlines()[0]}"
         if not self.bars and self._left():
             text += f"  ({self._left()})"
-        self.console.print(text, markup=False, soft_wrap=True)
+        self._print(text)
+
+    def _print(self, text: str) -> None:
+        """Show a line, above the bars where there are some."""
+        self.console.print(printable(text), markup=False, soft_wrap=True)
 
     def _left(self) -> str:
         """Time left in words, if the looks to come are as slow as those so far."""

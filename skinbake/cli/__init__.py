@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import importlib
+import io
 import os
 import sys
 from typing import Any
@@ -12,7 +13,7 @@ import click
 
 import skinbake
 from skinbake.bake.machine import reuse_freed
-from skinbake.errors import SkinbakeError
+from skinbake.errors import SkinbakeError, printable
 
 VERBS = {
     "bake": "Bake a look: irradiance, diffusion, error, preview.",
@@ -61,6 +62,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Run a verb and give its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may have less letters than a name: no reason to fail
+            stream.reconfigure(errors="backslashreplace")
     reuse_freed()
     gc.set_threshold(50_000)  # imports make many objects that stay: looking them through ever again takes 0.1 s
     try:
@@ -73,7 +77,7 @@ def run(arguments: list[str] | None = None) -> int:
         error.show()
         return 2
     except SkinbakeError as error:
-        print(f"skinbake: {error}", file=sys.stderr)
+        print(f"skinbake: {printable(str(error))}", file=sys.stderr)
         return error.exit_code
     except MemoryError:
         print(
@@ -85,5 +89,6 @@ def run(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        print(f"skinbake: {error.filename or 'the system'}: {error.strerror or error}", file=sys.stderr)
+        told = f"skinbake: {error.filename or 'the system'}: {error.strerror or error}"
+        print(printable(told), file=sys.stderr)
         return 2 if error.filename else 3

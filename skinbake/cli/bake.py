@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 
 import click
 
@@ -32,12 +31,12 @@ def command(
     """Bake CONFIG: profile, irradiance, diffusion, measured error, preview."""
     from skinbake.bake.baking import bake_look
     from skinbake.bake.session import BakeSession
-    from skinbake.io.cache import DEFAULT_LIMIT_BYTES, FOLDER
+    from skinbake.io.cache import DEFAULT_LIMIT_BYTES, cache_folder
     from skinbake.io.config import load_look
 
     look = load_look(config, overrides, out)
-    folder = cache or os.environ.get(FOLDER)
-    session = BakeSession.of(folder, DEFAULT_LIMIT_BYTES, keep=False)
+    folder = cache_folder(cache)
+    session = BakeSession.of(str(folder) if folder else None, DEFAULT_LIMIT_BYTES, keep=False)
     manifest = bake_look(look, force, preview, verbosity, session)
     if as_json:
         print(json.dumps(manifest, indent=1, default=str))

@@ -48,7 +48,6 @@ def command(
 
     Writes batch.json and batch.png beside them. Exit code 1 if a look failed or missed its tolerance.
     """
-    from pathlib import Path
 
     from rich.console import Console
 
@@ -57,7 +56,7 @@ def command(
     from skinbake.io.cache import cache_folder
 
     batch = load_batch(file, overrides, out, only)
-    folder = Path(cache).absolute() if cache else cache_folder(batch.folder / ".cache")
+    folder = cache_folder(cache, batch.folder / ".cache")
     plan = Plan(
         batch=batch,
         workers=workers,

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from skinbake.cli.options import json_option
+from skinbake.errors import InputError, printable
 
 if TYPE_CHECKING:
     from skinbake.scene.spec import SceneSpec
+
+_UNQUOTABLE = re.compile(r"[%;=|\\]|[ &]$|\(.*\)$")
 
 
 @click.command("info")
@@ -28,11 +32,11 @@ def command(path: str, as_rule: bool, as_json: bool) -> None:
     folder = file.parent if file.name == NAME else file
     if (folder / batch_report.NAME).is_file() and not (folder / NAME).is_file():
         batch = batch_report.read_batch_report(folder)
-        print(json.dumps(batch, indent=1) if as_json else "\n".join(_batch(batch)))
+        print(json.dumps(batch, indent=1) if as_json else printable("\n".join(_batch(batch))))
         return
     if not folder.is_dir():
         headers = read_attributes(file)
-        print(json.dumps(headers, indent=1, default=str) if as_json else "\n".join(_headers(headers)))
+        print(json.dumps(headers, indent=1, default=str) if as_json else printable("\n".join(_headers(headers))))
         return
     manifest = read_manifest(folder)
     spec = spec_of(manifest, folder)
@@ -43,12 +47,11 @@ def command(path: str, as_rule: bool, as_json: bool) -> None:
     if as_json:
         print(json.dumps(manifest | {"input_states": inputs}, indent=1, default=str))
     else:
-        print("\n".join(_bake(manifest, inputs)))
+        print(printable("\n".join(_bake(manifest, inputs))))
 
 
 def input_states(manifest: dict[str, Any], spec: SceneSpec) -> dict[str, dict[str, str]]:
     """Path of each input by role, and its state now: `as baked`, `changed` or `missing`."""
-    from skinbake.errors import InputError
     from skinbake.io.fingerprint import digest_of, input_files
 
     states = {}
@@ -108,6 +111,20 @@ def _rule(folder: Path, spec: SceneSpec) -> str:
     """`bake.json irradiance.exr: inputs`; an input that has vanished is no error of make's but of the next bake's."""
     from skinbake.io.fingerprint import input_files
 
-    paths = sorted({str(path).replace(" ", "\\ ") for files in input_files(spec).values() for path in files})
-    targets = " ".join((folder / name).as_posix() for name in ("bake.json", "irradiance.exr"))
+    paths = sorted({make_name(path) for files in input_files(spec).values() for path in files})
+    targets = " ".join(make_name(folder / name) for name in ("bake.json", "irradiance.exr"))
     return "\n".join([f"{targets}: {' '.join(paths)}", *(f"{path}:" for path in paths)])
+
+
+def make_name(path: Path) -> str:
+    """A path as a word of a makefile's rule that stands for itself, whatever is in it.
+
+    Raises
+    ------
+    InputError
+        It holds what no rule can quote: it would be a pattern, a recipe, a variable, a member of an archive.
+    """
+    text = path.as_posix()
+    if not text.isprintable() or _UNQUOTABLE.search(text):
+        raise InputError(f"info --make: expected paths that a makefile can name, got {text!r}; rename it")
+    return re.sub(r"([ #:*?\[])", r"\\\1", text).replace("$", "$$")

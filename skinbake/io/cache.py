@@ -6,9 +6,10 @@ dropped when the folder has grown past its limit.
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import time
-import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.errors import SkinbakeError
+from skinbake.errors import InputError, SkinbakeError
 from skinbake.io.atomic import atomic_write
 from skinbake.io.lock import Lock
 
@@ -27,6 +28,9 @@ FOLDER = "SKINBAKE_CACHE"
 GIB = 2**30
 DEFAULT_LIMIT_BYTES = 8 * GIB
 ORPHANED_S = 3600.0  # a temporary file this old has no writer any more
+CONTENTS = "skinbake.contents"  # beside the arrays of an entry: what they are
+_NAME = re.compile(r"[0-9a-f]{62}\.npz")
+_TEMPORARY = re.compile(r"\.[0-9a-f]{62}\.\d+\.part\.npz")
 
 
 class Store(Protocol):
@@ -111,45 +115,61 @@ class Cache:
                     locks[name] = lock
             except (SkinbakeError, OSError):
                 if lock.path.is_symlink():
+                    for other in filter(None, locks.values()):
+                        other.release()
                     raise
                 locks[name] = None  # a cache that cannot be written to keeps nobody from working
         return locks
 
     def read(self, key: str) -> Entry | None:
-        """Arrays of an entry, or None; reading makes it young again."""
+        """Arrays of an entry, or None; reading makes it young again.
+
+        An entry that is damaged, or holds other arrays than were written under its key, is removed and counts as
+        missing. A folder that can only be read is a cache all the same.
+        """
         path = self.path_of(key)
         try:
-            with (
-                open(path, "rb") as raw,
-                np.load(raw, allow_pickle=False) as file,
-            ):  # each array has a CRC: damage is seen
-                entry = {name: file[name] for name in file.files}
-            os.utime(path)
-            return entry
-        except FileNotFoundError:
+            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)  # a link leads to what may be no entry
+        except OSError:
             return None
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+        try:
+            # Each array has a checksum: damage is seen, as one of many errors
+            with open(descriptor, "rb") as raw, np.load(raw, allow_pickle=False) as file:
+                contents = json.loads(bytes(file[CONTENTS]))
+                entry = {name: file[name] for name in file.files if name != CONTENTS}
+            if contents != _contents(key, entry):
+                raise ValueError("other arrays than were written")
+        except MemoryError:
+            return None
+        except Exception:
             with suppress(OSError):
                 path.unlink()
             return None
+        with suppress(OSError):  # somebody else's
+            os.utime(path)
+        return entry
 
     def write(self, key: str, entry: Entry) -> None:
         """Store an entry. A cache that cannot be written to is no reason to fail: its content can be made again."""
-        arrays: dict[str, Any] = entry
+        contents = np.frombuffer(json.dumps(_contents(key, entry)).encode(), np.uint8)
+        arrays: dict[str, Any] = entry | {CONTENTS: contents}
         with suppress(SkinbakeError, OSError), atomic_write(self.path_of(key)) as temporary:
             np.savez(temporary, **arrays)
         self.prune()
 
     def prune(self) -> None:
-        """Drop the entries read longest ago, until the rest fits, and what killed writers left."""
+        """Drop the entries read longest ago, until the rest fits, and what killed writers left.
+
+        Files of other names than a cache gives are somebody's, and stay.
+        """
         entries = []
-        for path in self.folder.rglob("*.npz"):
+        for path in self.folder.glob("[0-9a-f][0-9a-f]/*.npz"):
             with suppress(OSError):
                 status = path.stat()
-                if path.name.startswith("."):
+                if _TEMPORARY.fullmatch(path.name):
                     if time.time() - status.st_mtime > ORPHANED_S:
                         path.unlink()
-                else:
+                elif _NAME.fullmatch(path.name):
                     entries.append((status.st_mtime, status.st_size, path))
         used = sum(size for _, size, _ in entries)
         for _, size, path in sorted(entries):
@@ -164,7 +184,24 @@ class Cache:
         return self.folder / key[:2] / f"{key[2:]}.npz"
 
 
-def cache_folder(default: Path) -> Path:
-    """Folder that the environment's SKINBAKE_CACHE names, else `default`."""
-    chosen = os.environ.get(FOLDER)
-    return Path(chosen).expanduser().absolute() if chosen else default
+def _contents(key: str, entry: Entry) -> dict[str, Any]:
+    """Key of an entry, and shape and type of each of its arrays."""
+    return {"key": key, "arrays": {name: [list(array.shape), array.dtype.str] for name, array in entry.items()}}
+
+
+def cache_folder(option: str | None, default: Path | None = None) -> Path | None:
+    """Folder that a command's option names, else the environment's SKINBAKE_CACHE, else `default`.
+
+    Raises
+    ------
+    InputError
+        It begins with ~ and somebody who has no home here.
+    """
+    chosen = option or os.environ.get(FOLDER)
+    if not chosen:
+        return default
+    try:
+        return Path(chosen).expanduser().absolute()
+    except RuntimeError as error:
+        said = "--cache" if option else FOLDER
+        raise InputError(f"{said}: expected a folder, got {chosen!r}: {error}") from error

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.compare import read_at
-from skinbake.errors import InputError
-from skinbake.io.atomic import atomic_write
+from skinbake.errors import InputError, printable
 from skinbake.io.exr import channel_of, read_parts
+from skinbake.io.figures import png_figure
 from skinbake.io.image import read_map
 
 Image = NDArray[np.floating]
@@ -56,26 +56,25 @@ def diffuse_of(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Image]:
 
 
 def false_colour_sheet(path: Path, pairs: Mapping[str, tuple[Image, Image]]) -> None:
-    """Write a PNG: a row a pair, first image, second image, their difference relative to the brightest value."""
-    import matplotlib
+    """Write a PNG: a row a pair, first image, second image, their difference relative to the brightest value.
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(len(pairs), 3, figsize=(12, 4 * max(len(pairs), 1)), squeeze=False)
-    for row, (name, (image, reference)) in zip(axes, pairs.items(), strict=True):
-        top = max(float(np.nanmax(np.abs(reference), initial=0.0)), float(np.finfo(np.float32).tiny))
-        for axis, values, title in zip(row[:2], (image, reference), (name, "reference"), strict=True):
-            axis.imshow(np.clip(_rgb(values) / top, 0, 1) ** (1 / 2.2))
-            axis.set_title(title, fontsize=8)
-        shown = row[2].imshow(np.abs(image - reference).max(axis=-1) / top, cmap="magma", vmin=0)
-        row[2].set_title("difference / brightest value", fontsize=8)
-        figure.colorbar(shown, ax=row[2])
-    for axis in axes.ravel():
-        axis.set_axis_off()
-    with atomic_write(path) as temporary:
-        figure.savefig(temporary, dpi=110, bbox_inches="tight")
-    pyplot.close(figure)
+    Raises
+    ------
+    InputError, MachineError
+        The file cannot be written.
+    """
+    with png_figure(path, 110, "tight", figsize=(12, 4 * max(len(pairs), 1))) as figure:
+        axes = figure.subplots(len(pairs), 3, squeeze=False)
+        for row, (name, (image, reference)) in zip(axes, pairs.items(), strict=True):
+            top = max(float(np.nanmax(np.abs(reference), initial=0.0)), float(np.finfo(np.float32).tiny))
+            for axis, values, title in zip(row[:2], (image, reference), (name, "reference"), strict=True):
+                axis.imshow(np.clip(_rgb(values) / top, 0, 1) ** (1 / 2.2))
+                axis.set_title(printable(title), fontsize=8, parse_math=False)
+            shown = row[2].imshow(np.abs(image - reference).max(axis=-1) / top, cmap="magma", vmin=0)
+            row[2].set_title("difference / brightest value", fontsize=8)
+            figure.colorbar(shown, ax=row[2])
+        for axis in axes.ravel():
+            axis.set_axis_off()
 
 
 def _rgb(values: Image) -> Image:

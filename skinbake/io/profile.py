@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skinbake.io.atomic import atomic_write, write_text
+from skinbake.io.atomic import write_text
 from skinbake.profile import Evaluated, FitReport, GaussianSum
 
 
@@ -83,14 +83,13 @@ def write_fit(report: FitReport, folder: Path | str, extra: dict[str, Any] | Non
     InputError, MachineError
         As `atomic_write`.
     """
-    from skinbake.io.profile_plot import fit_figure
+    from skinbake.io.profile_plot import write_fit_plot
 
     folder = Path(folder)
     written = [folder / f"profile.{kind}" for kind in ("json", "csv", "png")]
     write_text(written[0], as_json(fit_record(report) | (extra or {})))
     write_text(written[1], fit_csv(report))
-    with atomic_write(written[2]) as temporary:
-        fit_figure(report).savefig(temporary, dpi=150, metadata={"Software": None})
+    write_fit_plot(written[2], report)
     return written
 
 

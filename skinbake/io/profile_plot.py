@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skinbake.io.figures import png_figure
 from skinbake.numerics import gaussian_2d
 from skinbake.profile import FitReport
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+DPI = 150
 NAMES = ("red", "green", "blue")
 COLOURS = ("#b5352c", "#2c7a4b", "#2a5c9e")
 INK, PALE, SHADE = "#1d1d1f", "#c9c9ce", "#efeff2"
@@ -21,17 +24,25 @@ CROWDED = 8  # above it the Gaussians are named by sigma alone
 LABELLED = 0.005  # Gaussians with a smaller share of their channel's light are drawn but not named
 
 
-def fit_figure(report: FitReport) -> Figure:
-    """Three columns, one a channel: model broad and pale, fit dashed, Gaussians thin and named; no pyplot state.
+def write_fit_plot(path: Path | str, report: FitReport) -> None:
+    """Write the plot as PNG: three columns, one a channel; model broad and pale, fit dashed, Gaussians thin and named.
 
     Line widths and dashes tell the curves apart, so that the plot can be read without colour.
+
+    Raises
+    ------
+    InputError, MachineError
+        The file cannot be written.
     """
-    from matplotlib.figure import Figure
+    with png_figure(path, DPI, figsize=(12.6, 5.6), facecolor="white") as figure:
+        _draw_fit(figure, report)
+
+
+def _draw_fit(figure: Figure, report: FitReport) -> None:
     from matplotlib.patheffects import withStroke
 
     curve, gaussians = report.curve, report.gaussians
     r = curve.radius_mm
-    figure = Figure(figsize=(12.6, 5.6), facecolor="white")
     axes = figure.subplots(2, 3, sharex=True, sharey="row", height_ratios=[3.2, 1], gridspec_kw=PLACES)
     peaks = (r[:, None] * curve.model_rgb).max(axis=0)
     residual = 100 * r[:, None] * (curve.fit_rgb - curve.model_rgb) / np.where(peaks > 0, peaks, 1)
@@ -78,7 +89,6 @@ def fit_figure(report: FitReport) -> Figure:
     limit = max(1.15 * float(np.abs(residual[r >= report.profile.footprint_mm]).max(initial=0)), 1e-3)
     axes[1, 0].set_ylim(-limit, limit)
     _legend(figure, report)
-    return figure
 
 
 def _legend(figure: Figure, report: FitReport) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.numerics import Float
 
+MOST_BYTES = 64 * 2**20
+LONGEST = 200  # characters of a line in a message
 COLUMNS = ("r_mm", "R", "G", "B")
 
 
@@ -24,27 +27,33 @@ def read_profile_csv(path: Path | str) -> tuple[Float, Float]:
         With file and line: a missing column, a value that is no finite number, radii that do not ascend, too few rows.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        with open(path, "rb") as file:
+            data = file.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise InputError(f"{path}: expected a table of at most {MOST_BYTES:,} bytes, got more")
+        text = data.decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not text"
         raise InputError(f"{path}: expected a CSV file with columns {', '.join(COLUMNS)}, {reason}") from error
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if not lines:
         raise InputError(f"{path}: expected a header {','.join(COLUMNS)}, got an empty file")
-    header = [name.strip() for name in next(csv.reader([lines[0][1]]))]
+    header = [name.strip() for name in _cells(path, *lines[0])]
     missing = [name for name in COLUMNS if name not in header]
     if missing:
         raise InputError(f"{path}:{lines[0][0]}: expected columns {', '.join(COLUMNS)}, missing {', '.join(missing)}")
     places = [header.index(name) for name in COLUMNS]
     rows: list[list[float]] = []
     for number, line in lines[1:]:
-        cells = next(csv.reader([line]))
+        cells = _cells(path, number, line)
         try:
             row = [float(cells[place]) for place in places]
         except (ValueError, IndexError) as error:
-            raise InputError(f"{path}:{number}: expected numbers for {', '.join(COLUMNS)}, got {line!r}") from error
-        if not np.isfinite(row).all():
-            raise InputError(f"{path}:{number}: expected finite numbers, got {line!r}")
+            raise InputError(
+                f"{path}:{number}: expected numbers for {', '.join(COLUMNS)}, got {_shown(line)}"
+            ) from error
+        if not all(map(math.isfinite, row)):
+            raise InputError(f"{path}:{number}: expected finite numbers, got {_shown(line)}")
         if row[0] < 0 or (rows and row[0] <= rows[-1][0]):
             raise InputError(f"{path}:{number}: r_mm: expected ascending values >= 0, got {cells[places[0]].strip()}")
         rows.append(row)
@@ -53,6 +62,25 @@ def read_profile_csv(path: Path | str) -> tuple[Float, Float]:
     table = np.array(rows)
     _refuse_negative_totals(path, table, [number for number, _ in lines[1:]])
     return table[:, 0], table[:, 1:]
+
+
+def _cells(path: Path | str, number: int, line: str) -> list[str]:
+    """Cells of one line.
+
+    Raises
+    ------
+    InputError
+        One is longer than the csv module takes.
+    """
+    try:
+        return next(csv.reader([line]))
+    except csv.Error as error:
+        raise InputError(f"{path}:{number}: expected cells of a table, got: {error}") from error
+
+
+def _shown(line: str) -> str:
+    """A line as it stands, or its beginning."""
+    return repr(line) if len(line) <= LONGEST else f"{line[:LONGEST]!r} ..."
 
 
 def _refuse_negative_totals(path: Path | str, table: Float, numbers: list[int]) -> None:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from skinbake.io.atomic import atomic_write
+from skinbake.errors import printable
+from skinbake.io.figures import png_figure
 from skinbake.tradeoff import LIMITS, Row, pareto_front
 
 # Shape and grey value differ as well as hue
@@ -42,28 +43,16 @@ def write_chart(path: Path, title: str, rows: Sequence[Row], clock: str) -> None
     InputError, MachineError
         As `atomic_write`.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     bakes = [row for row in rows if row.reference == "finest" and row.rms > 0]
     physics = [row for row in rows if row.reference != "finest" and row.rms > 0]
-    figure, axes = pyplot.subplots(
-        1,
-        2 if physics else 1,
-        figsize=(14 if physics else 9, 6),
-        squeeze=False,
-        width_ratios=[3, 2] if physics else None,
-    )
-    _front(axes[0, 0], bakes, clock)
-    axes[0, 0].set_title(title)
-    if physics:
-        _bars(axes[0, 1], physics)
-    figure.tight_layout()
-    with atomic_write(path) as temporary:
-        figure.savefig(temporary, dpi=110, metadata={"Software": None})
-    pyplot.close(figure)
+    with png_figure(path, 110, figsize=(14 if physics else 9, 6)) as figure:
+        panels = 2 if physics else 1
+        axes = figure.subplots(1, panels, squeeze=False, width_ratios=[3, 2] if physics else None)
+        _front(axes[0, 0], bakes, clock)
+        axes[0, 0].set_title(printable(title), parse_math=False)
+        if physics:
+            _bars(axes[0, 1], physics)
+        figure.tight_layout()
 
 
 def _front(axes: Any, rows: Sequence[Row], clock: str) -> None:
@@ -127,7 +116,7 @@ def _label(axes: Any, front: Sequence[Row]) -> None:
             offset, across, along = (7, 8 + 21 * (i % 2)), "left", "bottom"
         axes.annotate(
             f"{row.sweep}: {row.label}" if row.sweep != "look" else row.label, (row.seconds, row.rms),
-            offset, textcoords="offset points", ha=across, va=along, fontsize=7.5,
+            offset, textcoords="offset points", ha=across, va=along, fontsize=7.5, parse_math=False,
             arrowprops={"arrowstyle": "-", "lw": 0.5, "color": "0.5"}, zorder=4,
         )  # fmt: skip
 
