@@ -79,6 +79,9 @@ def run(arguments: list[str] | None = None) -> int:
     except SkinbakeError as error:
         print(f"skinbake: {printable(str(error))}", file=sys.stderr)
         return error.exit_code
+    except UnicodeEncodeError as error:  # a library was given a path whose bytes are no text
+        print(printable(f"skinbake: expected names in UTF-8, got {error.object!r}"), file=sys.stderr)
+        return 2
     except MemoryError:
         print(
             "skinbake: out of memory; use a smaller texture.size (`skinbake check` tells what a bake needs)",

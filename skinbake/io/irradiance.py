@@ -129,8 +129,22 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
         np.stack([np.asarray(part.channels.get("visibility", one), np.float32) for part in chosen]),
         np.asarray(total.channels.get("A", one), np.float32),
         {
-            name.removeprefix(LIGHT): plan_of_text(str(parts[name].attributes["skinbake:plan"]))
+            name.removeprefix(LIGHT): _plan(path, parts[name])
             for name in lights
             if "skinbake:plan" in parts[name].attributes
         },
     )
+
+
+def _plan(path: Path, part: Part) -> tuple[Decision, ...]:
+    """A light's plan from the header of its part.
+
+    Raises
+    ------
+    InputError
+        It is damaged.
+    """
+    try:
+        return plan_of_text(str(part.attributes["skinbake:plan"]))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise InputError(f"{path}: part {part.name}, skinbake:plan: expected a plan, got: {error}") from error

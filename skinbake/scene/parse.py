@@ -129,6 +129,7 @@ _EXPECTED = {
     "invalid_key": "text as a key",
     "tuple_type": "a list",
     "string_type": "text",
+    "string_unicode": "text in UTF-8",
     "bool_type": "a boolean",
     "bool_parsing": "a boolean",
     "float_type": "a number",

@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from skinbake.cli.info import make_name
+from skinbake.errors import InputError
 from skinbake.io.mesh import write_obj
 from tests.cli.test_batch import BATCH
 from tests.conftest import ROOT
@@ -55,6 +57,49 @@ def project(tmp_path):
 
     make.folder = tmp_path
     return make
+
+
+NAMES = [
+    "a b.obj",
+    "a#b",
+    "a:b",
+    "$(shell touch PWNED).obj",
+    "`touch PWNED`",
+    "a$b",
+    "[1] *?.obj",
+    "~x",
+    "Zoë & co",
+    "it's",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_path_in_a_rule_stands_for_itself(tmp_path, name):
+    """Make finds the file, notices its change and its loss, and runs nothing that its name says."""
+    file = tmp_path / name
+    file.touch()
+    (tmp_path / "bake.json").touch()
+    word = make_name(file)
+    rules = f"all: bake.json\nbake.json:\n\t@echo built\nbake.json: {word}\n{word}:\n"
+    (tmp_path / "Makefile").write_text(rules)
+    os.utime(tmp_path / "bake.json", (10**9, 10**9))
+    said = []
+    for age in (9 * 10**8, 11 * 10**8, None):
+        os.utime(file, (age, age)) if age else file.unlink()
+        done = subprocess.run(["make", "all"], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        said.append("built" in done.stdout)
+    assert said == [False, True, True]
+    assert not (tmp_path / "PWNED").exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["a%b", "a;touch PWNED", "a=b", "a|b", "a\\b", "a&", "lib(x)", "a\tb", "a\nb", "a ", "\x1b[0m"]
+)
+def test_what_no_rule_can_quote_is_refused(tmp_path, name):
+    """It would be a pattern, a recipe, a variable, a list or a member of an archive."""
+    with pytest.raises(InputError, match="expected paths that a makefile can name, got"):
+        make_name(tmp_path / name)
 
 
 def test_only_what_is_stale_is_made(project):

@@ -1,0 +1,71 @@
+"""What is printed steers no terminal, and fits any."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from skinbake.cli import run
+from skinbake.errors import printable
+from tests.conftest import ROOT
+
+RED = "\x1b[31mred\x1b]0;title\x07\x9b2J\u202etxt"
+
+
+def test_control_characters_are_told_not_obeyed():
+    """Escapes, C1 controls, overrides of direction, halves of characters; what people write stays as it is."""
+    assert printable(RED) == r"\x1b[31mred\x1b]0;title\x07\x9b2J\u202etxt"
+    assert printable("o\udcff") == r"o\udcff"
+    assert printable("Zoë, 肌, 🙂\n\ttwo lines") == "Zoë, 肌, 🙂\n\ttwo lines"
+
+
+@pytest.fixture
+def report(tmp_path):
+    """A batch's report whose names were made by somebody else."""
+    jobs = [{"name": RED, "status": "failed", "error": f"{RED}: no such mesh"}, {"name": "Zoë", "status": "done"}]
+    (tmp_path / "batch.json").write_text(json.dumps({"file": RED, "version": RED, "jobs": jobs}))
+    return tmp_path
+
+
+def test_names_in_files_are_printed_without_their_escapes(report, capfd):
+    """`info` of a folder from elsewhere."""
+    assert run(["info", str(report)]) == 0
+    said = capfd.readouterr().out
+    assert r"\x1b[31mred" in said
+    assert not any(character in said for character in "\x1b\x07\x9b\u202e")
+
+
+def test_faults_are_printed_without_the_escapes_of_their_keys(tmp_path, capfd):
+    """A key of a look that is an escape sequence."""
+    (tmp_path / "look.yaml").write_text('"\\e[2J\\e[1;31mok": 1\n')
+    assert run(["check", str(tmp_path / "look.yaml")]) == 2
+    said = capfd.readouterr().err
+    assert r"\x1b[2J\x1b[1;31mok: unknown key" in said
+    assert "\x1b" not in said
+
+
+def test_an_ascii_terminal_is_written_to(report, monkeypatch):
+    """What it has no letters for is escaped; no verb fails by it."""
+    stdout = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors="strict", write_through=True)
+    monkeypatch.setattr(sys, "stdout", stdout)
+    assert run(["info", str(report)]) == 0
+    assert rb"Zo\xeb" in stdout.buffer.getvalue()
+
+
+@pytest.mark.parametrize("verb", [["bake", "look.yaml", "--out"], ["info"], ["preview"], ["check"], ["batch"]])
+def test_names_that_are_no_utf8_are_told(tmp_path, verb):
+    """Exit 2 and the name, or it works: no traceback."""
+    (tmp_path / "look.yaml").write_text(
+        "mesh: {path: look.yaml, unit: mm}\nskin: {model: burley, d_mm: [1, 1, 1]}\noutput: {dir: out}\n"
+        "lights: [{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]\n"
+    )
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"}
+    command = [sys.executable, "-m", "skinbake", *verb, b"o\xff"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
+    said = done.stderr.decode()
+    assert done.returncode == 2, said
+    assert r"o\udcff" in said
+    assert "Traceback" not in said
