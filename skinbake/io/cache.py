@@ -137,17 +137,14 @@ class Cache:
             with open(descriptor, "rb") as raw, np.load(raw, allow_pickle=False) as file:
                 contents = json.loads(bytes(file[CONTENTS]))
                 entry = {name: file[name] for name in file.files if name != CONTENTS}
-            if contents != _contents(key, entry):
-                raise ValueError("other arrays than were written")
+            whole = contents == _contents(key, entry)
         except MemoryError:
             return None
         except Exception:
-            with suppress(OSError):
-                path.unlink()
-            return None
+            whole = False
         with suppress(OSError):  # somebody else's
-            os.utime(path)
-        return entry
+            os.utime(path) if whole else path.unlink()
+        return entry if whole else None
 
     def write(self, key: str, entry: Entry) -> None:
         """Store an entry. A cache that cannot be written to is no reason to fail: its content can be made again."""
