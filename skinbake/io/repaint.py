@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skinbake.atlas import rasterize, sample_map
-from skinbake.atlas.raster import FIRST_TILE
+from skinbake.atlas import FIRST_TILE, rasterize, sample_map
 from skinbake.errors import InputError
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.scene.maps import SkinMaps
