@@ -20,7 +20,7 @@ from skinbake.errors import InputError, ToleranceMissedError
 from skinbake.io.atomic import write_text
 from skinbake.io.fingerprint import sha256_of
 from skinbake.io.irradiance import tile_path
-from skinbake.io.lobes import lobe_name
+from skinbake.io.lobes import lobe_name, stored_method
 from skinbake.io.manifest import portable_config, write_manifest
 from skinbake.irradiance import IrradianceMap
 from skinbake.preview.draw import OffscreenRenderer
@@ -177,7 +177,7 @@ def manifest_of(
                 "variance_mm2": lobe.variance_mm2,
                 "weight_rgb": list(lobe.weight_rgb),
                 "size": [width, height],
-                "method": lobe.method,
+                "method": stored_method(lobe),
             }
         )
     error = asdict(result.error) | {"fit": gaussians.relative_error_rgb.tolist()} if result.error else None
@@ -191,7 +191,7 @@ def manifest_of(
         "texturing": spec.texturing.model_dump(),
         "terms": {
             "energy_conservation": pipeline.energy_conservation(spec).kept,
-            "transmission": any(lobe.method == "transmission" for lobe in result.lobes),
+            "transmission": any(lobe.transmitted for lobe in result.lobes),
         },
         "timings": dict(stages.timings),
         "reused": [stage for stage, reused in stages.reused.items() if reused],

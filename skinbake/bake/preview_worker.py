@@ -130,7 +130,7 @@ def scene_of(
         PreviewLobe(
             {tile: total[None] for tile, total in lobe.total.items()},
             lobe.weight_rgb,
-            None if lobe.method == "transmission" else lobe.variance_mm2,
+            None if lobe.transmitted else lobe.variance_mm2,
         )
         for lobe in result.lobes
         if isinstance(lobe, StoredLobe)

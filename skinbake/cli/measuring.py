@@ -207,8 +207,11 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
         Probes of another texture size instead.
     """
     from skinbake import pipeline
-    from skinbake.diffuse.evaluator import LobeEvaluator
-    from skinbake.diffuse.probes import Probes, draw_probes
+    from skinbake.diffuse.draw_probes import draw_probes
+    from skinbake.diffuse.methods import REFERENCE, LobeParameters
+    from skinbake.diffuse.probes import Probes, read_at_probes
+    from skinbake.diffuse.resources import LobeResources
+    from skinbake.diffuse.skin_geometry import SkinGeometry
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.profile import fit_skin
@@ -219,37 +222,38 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     atlas = pipeline.atlas_of(spec, scene.mesh)
     irradiance = pipeline.light_skin(spec, scene, atlas)
     exponent = np.float32(spec.texturing.exponent_before)
-    source = [
-        (tile.total[None] * pipeline.albedo_of(scene.maps, raster, scene.mesh) ** exponent)
+    source = {
+        raster.tile: (tile.total[None] * pipeline.albedo_of(scene.maps, raster, scene.mesh) ** exponent)
         for tile, raster in zip(irradiance, atlas, strict=True)
-    ]
+    }
     del irradiance
-    diffuser = LobeEvaluator(source, atlas, scene.mesh, spec.diffusion)
-    tiles = np.array([raster.tile for raster in atlas], np.int32)
-    centre = diffuser.surface.centre_mm
+    geometry = SkinGeometry(atlas, scene.mesh)
+    resources = LobeResources(source, geometry, spec.diffusion)
     if at is None:
-        probes = draw_probes(atlas, scene.mesh, [p for p, _, _ in diffuser.surface.tiles], count, spec.output.seed)
-        own = probes.position + centre
-        at = Probed(probes.place, tiles[probes.tile], own, probes.normal, probes.texel_mm2 * np.prod(diffuser.size))
+        probes = draw_probes(geometry, count, spec.output.seed)
+        own = probes.position + geometry.centre_mm
+        at = Probed(probes.place, probes.tile, own, probes.normal, probes.texel_mm2 * np.prod(geometry.size))
     else:
         probes = Probes(
-            np.searchsorted(tiles, at.tile).astype(np.int32),
+            at.tile,
             np.zeros(len(at.tile), np.int64),
             at.place,
-            (at.position_mm - centre).astype(np.float32),
+            (at.position_mm - geometry.centre_mm).astype(np.float32),
             at.normal,
-            (at.texture_mm2 / np.prod(diffuser.size)).astype(np.float32),
+            (at.texture_mm2 / np.prod(geometry.size)).astype(np.float32),
         )
     total = np.zeros((len(probes), 3))
     for variance, weight in zip(gaussians.variance_mm2, gaussians.weight_rgb, strict=True):
-        lobe = diffuser.reference(float(variance), probes) if variance > 0 else diffuser.read(source, probes, False)
-        total += weight * lobe
+        lobe = LobeParameters(float(variance))
+        # Probes of another size have no texel of their own to read where there is no blur
+        read = REFERENCE.at_probes(resources, lobe, probes) if variance > 0 else read_at_probes(source, probes)
+        total += weight * read
     return total * _albedo_after(spec, scene.maps.albedo, scene.maps.albedo_rgb, at), at
 
 
 def _stored_values(folder: Path, at: Probed, through_only: bool = False) -> Float:
     """Diffuse light at probes as a reader of the files sees it, (P, 3), summed over lights."""
-    from skinbake.diffuse.probes import read_bilinear
+    from skinbake.diffuse.bilinear import read_bilinear
     from skinbake.io.bake_folder import read_bake_folder
 
     baked = read_bake_folder(folder, summed=True)
@@ -268,7 +272,7 @@ def _stored_values(folder: Path, at: Probed, through_only: bool = False) -> Floa
 
 def _albedo_after(spec: SceneSpec, albedo: Any, constant: tuple[float, float, float], at: Probed) -> Float:
     """albedo^(1 - x) at the probes, 1 where all of it went in before the blur."""
-    from skinbake.diffuse.probes import read_bilinear
+    from skinbake.diffuse.bilinear import read_bilinear
 
     exponent = 1 - spec.texturing.exponent_before
     if exponent == 0:

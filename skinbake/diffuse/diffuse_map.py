@@ -14,14 +14,15 @@ __all__ = ["Decision", "DiffuseMap", "Lobe", "MeasuredError"]
 
 @dataclass(frozen=True)
 class Lobe:
-    """One Gaussian's blur of the irradiance (times albedo^x) over every tile.
+    """One Gaussian's blur of the irradiance (times albedo^x) over every tile; or, of weight 1, the light of a term.
 
     Attributes
     ----------
     variance_mm2 : float
+        Of the Gaussian; a term's is that of the widest one in it.
     weight_rgb : tuple of 3 floats
-    method : str
-        "identity", "texture", "stretch", "hybrid", "surface" or "reference".
+    method : str or None
+        Name of the method that made it (`skinbake.diffuse.methods`); None for light that no method blurred.
     rgb : dict of int to ndarray of shape (L, h, w, 3), float32
         By tile; h, w may be smaller than the texture and are then read by bilinear lookup at the same (u, v).
         Gutter filled, so that bilinear reading is right up to the chart's border.
@@ -33,10 +34,15 @@ class Lobe:
 
     variance_mm2: float
     weight_rgb: tuple[float, float, float]
-    method: str
+    method: str | None
     rgb: dict[int, NDArray[np.float32]]
     error: MeasuredError | None = None
     total_rgb: tuple[float, float, float] | None = None
+
+    @property
+    def transmitted(self) -> bool:
+        """Whether this is the light that comes through thin parts (`terms.transmission`), not a Gaussian's blur."""
+        return self.method is None
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from skinbake.diffuse.methods import METHODS, method_asked_for
 from skinbake.errors import MachineError
 
 
@@ -15,9 +16,16 @@ def memory_needed_bytes(
     Parameters
     ----------
     size : (height, width)
+        Of the texture.
     lights, tiles, lobes : int
+        How many of them.
     method : str
-        `diffusion.method`.
+        `diffusion.method`; any method may come into use with `auto`.
+
+    Raises
+    ------
+    InputError
+        If there is no such method.
 
     Notes
     -----
@@ -31,11 +39,10 @@ def memory_needed_bytes(
     texels = size[0] * size[1] * tiles
     kept = min(lobes, 3.5) * 12 * lights
     per_texel = 20 + 12 * lights + kept
-    texture = 16 * lights + 6
     surface = 52 + 1.5 * (32 + 12 * lights) + 11 + 4 * lights + 4
     per_texel += surface  # probes are checked against the surface integral, whatever the method
-    if method in ("texture", "hybrid", "auto"):
-        per_texel += texture
+    fixed = method_asked_for(method)
+    per_texel += max(each.memory_bytes_per_texel(lights) for each in ([fixed] if fixed else METHODS.values()))
     return int(texels * per_texel)
 
 
@@ -46,6 +53,11 @@ def physical_memory_bytes() -> int:
 
 def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, method: str) -> None:
     """Refuse early what this machine cannot hold.
+
+    Parameters
+    ----------
+    size, lights, tiles, lobes, method
+        See `memory_needed_bytes`.
 
     Raises
     ------

@@ -1,179 +1,148 @@
-"""What the lobes of one bake share: the light, its pyramids and trees, and the skin points at each stored size."""
+"""What the lobes of some lights share: the light, its pyramids, the sources of sums, and the geometry of the skin."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from enum import Enum
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import FIRST_TILE, Atlas, rasterize
+from skinbake.diffuse.on_demand import OnDemand
+from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.surface_space.clusters import bending
-from skinbake.diffuse.surface_space.gather import cut_sigma
-from skinbake.diffuse.surface_space.points import TexelPoints, extended_points, texel_points
-from skinbake.diffuse.surface_space.sources import SourceTree
-from skinbake.diffuse.surface_space.surface_light import SurfaceLight, lobe_sources, sums_texels, surface_light
-from skinbake.diffuse.surface_space.upsample import least_sigma, widest_gap
-from skinbake.diffuse.texture_space.blur import (
-    TexturePyramid,
-    level_margin,
-    level_size,
-    mean_mm_per_texel,
-    texture_pyramids,
-)
+from skinbake.diffuse.surface_space.gather import SumRule, cut_sigma
+from skinbake.diffuse.surface_space.sources import SourceTree, source_tree
+from skinbake.diffuse.surface_space.surface_light import LitTile, sums_texels, surface_light
+from skinbake.diffuse.surface_space.upsample import widest_gap
+from skinbake.diffuse.texture_space.blur import TexturePyramid, level_margin, level_size, texture_pyramids
 from skinbake.diffuse.texture_space.blur_error import BlurErrorPredictor
-from skinbake.diffuse.texture_space.stretch import chart_of_face, smooth_inverse_metric, uv_vertices
 from skinbake.diffuse.texture_space.uv_gaps import distance_to_foreign
-from skinbake.numerics import Float
-from skinbake.scene.mesh import SkinMesh
+from skinbake.diffuse.tiled import Tiled, Tiles
 from skinbake.scene.spec import DiffusionSpec
 
 LARGE_SHARE = 0.5  # of the texels: sources that are more than this are not kept for later
 _WORTH = 1.5  # mean texels of half the size in the widest gap, from which on interpolation is sooner done than sums
-LEVEL_GUTTER = 3  # texels around the charts of a smaller stored size: bilinear reading needs one
+
+
+class Resource(Enum):
+    """What is larger than a lobe, and is released as soon as no lobe needs it."""
+
+    TEXELS = "every texel as a source of sums"
+    PYRAMIDS = "light as premultiplied images"
 
 
 class LobeResources:
-    """Whatever two lobes share is made once, when it is first asked for; what is large can be let go.
+    """Whatever two lobes share is made once, when it is first asked for.
 
     Parameters
     ----------
-    source : sequence of ndarray of shape (L, H, W, 3), float32
-        In the order of the atlas.
+    source : Tiles
+        Light that arrives, (L, H, W, 3) a tile, in the order of the atlas.
+    geometry : SkinGeometry
+    spec : DiffusionSpec
     """
 
-    def __init__(
-        self, source: Sequence[NDArray[np.float32]], atlas: Atlas, mesh: SkinMesh, spec: DiffusionSpec
-    ) -> None:
-        self.source, self.atlas, self.mesh, self.spec = list(source), atlas, mesh, spec
-        self.size = atlas[0].shape
-        self.lights = self.source[0].shape[0]
-        self.cut = cut_sigma(spec.tolerance, spec.normalise)  # of surface sums, in sigma
-        self._atlases: dict[int, Atlas] = {}
-        self._targets: dict[int, list[TexelPoints]] = {}
-        self._smooth: dict[int, list[NDArray[np.float32]]] = {}
-        self._sources: dict[tuple[float, float], SourceTree] = {}
+    def __init__(self, source: Tiles, geometry: SkinGeometry, spec: DiffusionSpec) -> None:
+        self.source, self.geometry, self.spec = source, geometry, spec
+        self.lights = len(next(iter(source.values())))
+        self.rule = SumRule(cut_sigma(spec.tolerance, spec.normalise), spec.separate, spec.normalise)
+        self.texels = OnDemand(lambda: source_tree(self.lit))
+        self.pyramids = OnDemand[Tiled[TexturePyramid]](lambda: texture_pyramids(self.source, geometry.atlas))
+        self._clusters: dict[tuple[float, float], SourceTree] = {}
+
+    def of_lights(self, chosen: Sequence[int]) -> LobeResources:
+        """Resources of some of the lights, about the same geometry."""
+        return LobeResources({tile: rgb[chosen] for tile, rgb in self.source.items()}, self.geometry, self.spec)
+
+    def release(self, unneeded: Collection[Resource]) -> None:
+        """Free the memory of some resources; they are made again if they are asked for after all."""
+        if Resource.TEXELS in unneeded:
+            self.texels.release()
+        if Resource.PYRAMIDS in unneeded:
+            self.pyramids.release()
+
+    def release_lobe(self, variance_mm2: float) -> None:
+        """Free the clusters of one lobe."""
+        self._clusters = {key: tree for key, tree in self._clusters.items() if key[0] != variance_mm2}
 
     @cached_property
-    def surface(self) -> SurfaceLight:
-        """Light as clusters."""
-        return surface_light(self.source, self.atlas, self.mesh)
-
-    @cached_property
-    def pyramids(self) -> list[TexturePyramid]:
-        """Light as premultiplied images."""
-        return texture_pyramids(self.source, self.atlas)
-
-    @cached_property
-    def mm_per_texel(self) -> tuple[float, float]:
-        """The one texel size of the texture method, (row, column)."""
-        return mean_mm_per_texel(self.mesh, self.size)
-
-    def variance_texels2(self, variance_mm2: float) -> tuple[float, float]:
-        """A variance in texels of the full size, along rows and columns."""
-        return variance_mm2 / self.mm_per_texel[0] ** 2, variance_mm2 / self.mm_per_texel[1] ** 2
-
-    def targets(self, level: int) -> list[TexelPoints]:
-        """Skin points of each tile's texels at a stored size, continued beyond the charts' borders."""
-        if level not in self._targets:
-            atlas, centre = self.level_atlas(level), self.surface.centre_mm
-            own = (
-                [p for p, _, _ in self.surface.tiles]
-                if level == 0
-                else [texel_points(r, self.mesh, centre) for r in atlas]
-            )
-            self._targets[level] = [extended_points(p, r, self.mesh, centre) for p, r in zip(own, atlas, strict=True)]
-        return self._targets[level]
-
-    def sources(self, variance_mm2: float, spacing: float) -> SourceTree:
-        """Clusters of one lobe. Those of wide lobes are few and kept; of narrow ones only the last."""
-        key = (variance_mm2, spacing)
-        if key not in self._sources:
-            texels = sum(len(points.flat_index) for points, _, _ in self.surface.tiles)
-            for other in [k for k, tree in self._sources.items() if tree.count > LARGE_SHARE * texels]:
-                del self._sources[other]
-            self._sources[key] = lobe_sources(self.surface, variance_mm2, spacing)
-        return self._sources[key]
-
-    def forget(self, variance_mm2: float) -> None:
-        """Let one lobe's clusters go."""
-        self._sources = {key: tree for key, tree in self._sources.items() if key[0] != variance_mm2}
-
-    def sums_texels(self, method: str, variance_mm2: float, spacing: float) -> bool:
-        """Whether a lobe is summed over single texels."""
-        return method in ("surface", "hybrid") and sums_texels(self.surface, variance_mm2, spacing)
-
-    def drop_texels(self) -> None:
-        """Let the single texels go; they are larger than a lobe."""
-        texels = self.surface.__dict__.pop("texels", None)
-        self._sources = {key: tree for key, tree in self._sources.items() if tree is not texels}
-
-    def drop_pyramids(self) -> None:
-        """Let the premultiplied images go."""
-        self.__dict__.pop("pyramids", None)
+    def lit(self) -> Tiled[LitTile]:
+        """Skin points, light and moments of each tile."""
+        return surface_light(self.source, self.geometry.points)
 
     @cached_property
     def mean_light(self) -> list[float]:
         """Mean of each light over the skin and its three channels."""
         total, area = np.zeros(3 * self.lights), 0.0
-        for _, _, pyramid in self.surface.tiles:
+        for _, _, pyramid in self.lit.values():
             blocks = slice(pyramid.start[-1], None)
             weight = pyramid.moments[blocks, 0].astype(np.float64)
             total, area = total + weight @ pyramid.radiosity[blocks].astype(np.float64), area + weight.sum()
         return [float(mean) for mean in (total / max(area, 1e-30)).reshape(self.lights, 3).mean(axis=1)]
 
-    def level_atlas(self, level: int) -> Atlas:
-        """The mesh rasterised at a stored size."""
+    def sums_texels(self, variance_mm2: float, spacing: float) -> bool:
+        """Whether surface sums of a lobe take single texels as their sources."""
+        return sums_texels(variance_mm2, spacing, self.geometry.mean_texel_mm2)
+
+    def sources(self, variance_mm2: float, spacing: float) -> SourceTree:
+        """Sources of one lobe's surface sums. Clusters of wide lobes are few and kept; of narrow ones only the last.
+
+        `spacing` is the side of the widest cluster in sigma.
+        """
+        if self.sums_texels(variance_mm2, spacing):
+            return self.texels.get()
+        key = (variance_mm2, spacing)
+        if key not in self._clusters:
+            texels = sum(len(points.flat_index) for points in self.geometry.points.values())
+            for other in [k for k, tree in self._clusters.items() if tree.count > LARGE_SHARE * texels]:
+                del self._clusters[other]
+            self._clusters[key] = source_tree(self.lit, spacing**2 / 12 * variance_mm2, variance_mm2)
+        return self._clusters[key]
+
+    def interpolates(self, variance_mm2: float, level: int) -> bool:
+        """Whether a surface lobe of a stored size is interpolated from half that size, where that is smooth enough."""
+        height, width = level_size(self.geometry.size, level)
+        next_texel = np.sqrt(self.geometry.mean_texel_mm2) * 2 ** (level + 1)
+        near = _WORTH * next_texel < widest_gap(self.spec.tolerance) * np.sqrt(variance_mm2)
+        return bool(self.spec.normalise and height % 2 == 0 and width % 2 == 0 and near)
+
+    def least_sigma(self, level: int) -> Tiles:
+        """Narrowest lobe, in mm, that may be interpolated at each texel of a level from the next smaller size."""
+        return self.geometry.least_sigma(level, widest_gap(self.spec.tolerance))
+
+    def unreached(self, tile: int, level: int) -> NDArray[np.float32]:
+        """What stands where surface sums find no skin, (L, h, w, 3).
+
+        At the full size a texel that its lobe is too narrow for, or that lies too far beside its chart, keeps its
+        light.
+        """
         if level == 0:
-            return self.atlas
-        if level not in self._atlases:
-            height, width = level_size(self.size, level)
-            udim = len(self.atlas) > 1 or self.atlas[0].tile != FIRST_TILE
-            again = {r.tile: r for r in rasterize(self.mesh, (width, height), LEVEL_GUTTER, udim)}
-            self._atlases[level] = tuple(again[r.tile] for r in self.atlas)
-        return self._atlases[level]
+            return self.source[tile].copy()
+        return np.zeros((self.lights, *self.geometry.targets(level)[tile].row.shape, 3), np.float32)
 
     def predictor(self, tile: int, level: int) -> BlurErrorPredictor:
-        """Of where a tile's blur at a stored size is wrong."""
+        """Predicts where a tile's blur at a stored size is wrong."""
+        row_mm, col_mm = self.geometry.mm_per_texel
+        raster = next(r for r in self.geometry.level_atlas(level) if r.tile == tile)
         return BlurErrorPredictor(
-            points=self.targets(level)[tile],
-            coverage=self.level_atlas(level)[tile].coverage,
-            image=self.pyramids[tile].level(level),
+            points=self.geometry.targets(level)[tile],
+            coverage=raster.coverage,
+            image=self.pyramids.get()[tile].level(level),
             margin=level_margin(level),
             level=level,
-            pyramid=self.surface.tiles[tile][2],
+            pyramid=self.lit[tile].pyramid,
             bend=self._bend[tile],
             foreign_mm=self._foreign_mm[tile],
-            mean_texel_mm2=(min(self.mm_per_texel) ** 2 * 4**level, max(self.mm_per_texel) ** 2 * 4**level),
+            mean_texel_mm2=(min(row_mm, col_mm) ** 2 * 4**level, max(row_mm, col_mm) ** 2 * 4**level),
             mean=self.mean_light,
         )
 
     @cached_property
-    def _bend(self) -> list[NDArray[np.float32]]:
-        return [bending(pyramid) for _, _, pyramid in self.surface.tiles]
+    def _bend(self) -> Tiled[NDArray[np.float32]]:
+        return {tile: bending(lit.pyramid) for tile, lit in self.lit.items()}
 
     @cached_property
-    def _foreign_mm(self) -> list[NDArray[np.float32]]:
-        return distance_to_foreign([pyramid for _, _, pyramid in self.surface.tiles])
-
-    @cached_property
-    def metric(self) -> tuple[Float, NDArray[np.int32]]:
-        """Inverse metric of the skin in UV, smooth over edges, and the chart of each face."""
-        corner = uv_vertices(self.mesh)
-        return smooth_inverse_metric(self.mesh, corner), chart_of_face(corner)
-
-    def interpolates(self, variance_mm2: float, level: int) -> bool:
-        """Whether a surface lobe of a stored size is interpolated from half that size, where that is smooth enough."""
-        height, width = level_size(self.size, level)
-        next_texel = np.sqrt(self.surface.mean_texel_mm2) * 2 ** (level + 1)
-        near = _WORTH * next_texel < widest_gap(self.spec.tolerance) * np.sqrt(variance_mm2)
-        return bool(self.spec.normalise and height % 2 == 0 and width % 2 == 0 and near)
-
-    def least_sigma(self, level: int) -> list[NDArray[np.float32]]:
-        """Which lobes may be interpolated from half this size, texel by texel; all lobes share it."""
-        if level not in self._smooth:
-            gap = widest_gap(self.spec.tolerance)
-            pairs = zip(self.targets(level + 1), self.targets(level), strict=True)
-            self._smooth[level] = [least_sigma(coarse, fine, gap) for coarse, fine in pairs]
-        return self._smooth[level]
+    def _foreign_mm(self) -> Tiled[NDArray[np.float32]]:
+        return distance_to_foreign({tile: lit.pyramid for tile, lit in self.lit.items()})

@@ -16,6 +16,7 @@ from skinbake.io.exr import Part, channel_of, read_parts
 from skinbake.io.half import as_half
 from skinbake.io.image import read_maps
 from skinbake.io.irradiance import LIGHT, TOTAL
+from skinbake.io.lobes import is_transmission
 from skinbake.io.manifest import NAME, read_manifest, spec_of
 from skinbake.io.mesh import read_look_mesh
 from skinbake.io.repaint import repaint
@@ -95,7 +96,7 @@ def _lobe(folder: Path, entry: dict[str, Any], spec: SceneSpec, names: tuple[str
     rgb = {
         tile: _layers(folder / file, read_parts(folder / file, wanted), wanted) for tile, file in _tiled(files, spec)
     }
-    variance = None if entry["method"] == "transmission" else float(entry["variance_mm2"])
+    variance = None if is_transmission(entry["method"]) else float(entry["variance_mm2"])
     r, g, b = (float(weight) for weight in entry["weight_rgb"])
     return PreviewLobe(rgb, (r, g, b), variance)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from skinbake.io.yaml_lines import Key, Located, dotted, parse_value, read_yaml
 from skinbake.scene.batch import BatchSpec
 from skinbake.scene.parse import parse, unknown_keys
 from skinbake.scene.skin import SkinSpec
-from skinbake.scene.spec import SceneSpec
+from skinbake.scene.spec import DIFFUSION_METHODS, SceneSpec
 
 _PATH_KEYS = re.compile(
     r"mesh\.path|occluders\[\d+\]\.(path|opacity)|maps\.\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"
@@ -74,7 +74,25 @@ def load_skin(path: Path | str, overrides: Sequence[str] = ()) -> SkinSpec:
 
 def parse_look(located: Located) -> SceneSpec:
     """Check a mapping whose paths are already resolved."""
-    return parse(SceneSpec, located.value, located.say)
+    return parse_scene(located.value, located.say)
+
+
+def parse_scene(mapping: Any, say: Callable[[Key, str], str]) -> SceneSpec:
+    """Check a whole look, its diffusion method too; `say` gives the message line of a key and a sentence.
+
+    Raises
+    ------
+    ConfigError
+        With one message for each fault.
+    """
+
+    def diffusion_methods() -> dict[str, bool]:
+        from skinbake.diffuse.methods import METHODS
+
+        return {method.name: method.classical for method in METHODS.values() if method.asked_for}
+
+    scene: SceneSpec = parse(SceneSpec, mapping, say, {DIFFUSION_METHODS: diffusion_methods})
+    return scene
 
 
 def _refuse_missing(located: Located) -> None:

@@ -16,10 +16,22 @@ from skinbake.errors import InputError
 from skinbake.io.exr import Part, as_stored, read_attributes, rgb_channels, write_parts
 from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
 
+TRANSMISSION = "transmission"  # in files, in the place of a method
+
 
 def lobe_name(index: int, lobe: Lobe | None = None) -> str:
     """File name of a lobe, without tile; light through thin parts has its own."""
-    return "transmission.exr" if lobe is not None and lobe.method == "transmission" else f"lobe_{index}.exr"
+    return f"{TRANSMISSION}.exr" if lobe is not None and lobe.transmitted else f"lobe_{index}.exr"
+
+
+def stored_method(lobe: Lobe) -> str:
+    """What files say of how a lobe was made: its method, or that it is light through thin parts."""
+    return lobe.method or TRANSMISSION
+
+
+def is_transmission(method: str) -> bool:
+    """Whether a lobe is light through thin parts, from what its file says of how it was made."""
+    return method == TRANSMISSION
 
 
 @dataclass(frozen=True)
@@ -87,7 +99,7 @@ def write_lobes(
         "lobes": [
             {"file": name}
             | {f.name: getattr(lobe, f.name) for f in fields(Lobe) if f.name not in ("rgb", "error")}
-            | {"error": asdict(lobe.error) if lobe.error else None}
+            | {"method": stored_method(lobe), "error": asdict(lobe.error) if lobe.error else None}
             for name, lobe in zip(names, result.lobes, strict=True)
         ],
         "error": asdict(result.error) if result.error else None,
@@ -101,7 +113,7 @@ def write_lobes(
             "skinbake:key": key,
             "skinbake:variance_mm2": float(lobe.variance_mm2),
             "skinbake:weight_rgb": [float(w) for w in lobe.weight_rgb],
-            "skinbake:method": lobe.method,
+            "skinbake:method": stored_method(lobe),
             "skinbake:error": json.dumps(asdict(result.error) if result.error else None),
         }
         if index == 0:
@@ -147,9 +159,16 @@ def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, .
                 return None
             width, height = header["size"]
             shapes[tile] = np.zeros((0, height, width, 3), np.float32)
-        own = entry.pop("error")
+        own, method = entry.pop("error"), entry.pop("method")
         entry |= {key: tuple(value) for key, value in entry.items() if isinstance(value, list)}
-        lobes.append(Lobe(**entry, rgb=shapes, error=MeasuredError(**own) if own else None))
+        lobes.append(
+            Lobe(
+                **entry,
+                method=None if is_transmission(method) else method,
+                rgb=shapes,
+                error=MeasuredError(**own) if own else None,
+            )
+        )
     error = MeasuredError(**summary["error"]) if summary["error"] else None
     return DiffuseMap(
         tuple(summary["lights"]),

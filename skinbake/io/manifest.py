@@ -11,8 +11,8 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from skinbake.io.atomic import write_text
+from skinbake.io.config import parse_scene
 from skinbake.io.record import Record, read_record
-from skinbake.scene.parse import parse
 from skinbake.scene.spec import SceneSpec
 
 NAME = "bake.json"
@@ -92,9 +92,7 @@ def spec_of(manifest: Mapping[str, Any], folder: Path | str) -> SceneSpec:
     """Look that a folder was baked from."""
     base = Path(folder).absolute()
     config = _mapped(manifest["config"], lambda path: os.path.normpath(base / path))
-    return parse(
-        SceneSpec, config, lambda key, sentence: f"{base / NAME}: config.{'.'.join(map(str, key))}: {sentence}"
-    )
+    return parse_scene(config, lambda key, sentence: f"{base / NAME}: config.{'.'.join(map(str, key))}: {sentence}")
 
 
 def _mapped(value: Any, change: Any, key: str = "") -> Any:

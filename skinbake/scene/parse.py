@@ -14,7 +14,7 @@ from skinbake.scene.strict import Strict
 Key = tuple[str | int, ...]
 
 
-def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str]) -> Any:
+def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str], context: Mapping[str, Any] | None = None) -> Any:
     """Validate `mapping`, as it came out of a file, as `kind`, and give that model.
 
     Parameters
@@ -24,6 +24,8 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str]) -> Any:
     mapping : mapping
     say : callable
         Given a key path and a sentence, the message line with its file and line.
+    context : mapping, optional
+        What validators may ask for that lies outside `scene` (`spec.DIFFUSION_METHODS`); without it they let it pass.
 
     Raises
     ------
@@ -31,7 +33,7 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str]) -> Any:
         With one message for each fault.
     """
     try:
-        return TypeAdapter(kind).validate_python(mapping)
+        return TypeAdapter(kind).validate_python(mapping, context=context)
     except ValidationError as error:
         faults: dict[str, None] = {}  # each once, in order
         found = error.errors(include_url=False)

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.strict import Fraction, NonNegative, Positive, Strict
 
+AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
+# Key of the validation context: a function that gives, by name, whether a method knows sums that are not normalised
+DIFFUSION_METHODS = "diffusion_methods"
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "dm": 100.0, "m": 1000.0, "inch": 25.4}
 
 
@@ -120,18 +124,34 @@ class TextureSpec(Strict):
 
 
 class DiffusionSpec(Strict):
-    """Method of the blur, and the error that it may have."""
+    """Method of the blur, and the error that it may have.
 
-    method: Literal["auto", "texture", "stretch", "hybrid", "surface", "reference"] = "auto"
+    Methods are known to `skinbake.diffuse.methods` alone, which stands further right: whoever reads a look hands them
+    in (`parse`, DIFFUSION_METHODS).
+    """
+
+    method: str = AUTO
     tolerance: Positive = 0.01
     separate: bool = True
     normalise: bool = True
     probes: Annotated[int, Field(ge=0, le=1_000_000)] = 2000
 
+    @field_validator("method")
+    @classmethod
+    def _known(cls, name: str, info: ValidationInfo) -> str:
+        if name != AUTO and info.context is not None:
+            names = [AUTO, *info.context[DIFFUSION_METHODS]()]
+            if name not in names:
+                listed = ", ".join(map(repr, names[:-1])) + f" or {names[-1]!r}"
+                raise PydanticCustomError("literal_error", "Input should be {expected}", {"expected": listed})
+        return name
+
     @model_validator(mode="after")
-    def _classical_needs_surface(self) -> DiffusionSpec:
-        if not self.normalise and self.method not in ("surface", "reference"):
-            raise ValueError(f"normalise: false needs method surface or reference, got {self.method}")
+    def _knows_the_classical_integral(self, info: ValidationInfo) -> DiffusionSpec:
+        if not self.normalise and info.context is not None:
+            classical = [name for name, knows in info.context[DIFFUSION_METHODS]().items() if knows]
+            if self.method not in classical:
+                raise ValueError(f"normalise: false needs method {' or '.join(classical)}, got {self.method}")
         return self
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skinbake.diffuse.methods import METHODS
 from skinbake.pipeline import energy_conservation
 from skinbake.scene.skin import DipoleSkin, LayerSpec, MultipoleSkin, TransportSkin
 from skinbake.scene.spec import SceneSpec
@@ -95,9 +96,9 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     add("look", "the look as it is")
     for count in ((2, 4), (1, 2, 3, 4, 8), (1, 2, 3, 4, 5, 6, 8, 10, 12))[level]:
         add("Gaussians", f"{count}", f"skin.fit={{gaussians: {count}}}")
-    methods = (("texture", "surface"), *(("texture", "stretch", "hybrid", "surface"),) * 2)[level]
-    for method in methods if spec.diffusion.normalise else ("surface",):  # the classical integral has but one
-        add("method", method, f"diffusion.method={method}")
+    methods = [m for m in METHODS.values() if m.asked_for and not m.exact and (m.classical or spec.diffusion.normalise)]
+    for swept in methods if level else dict.fromkeys((methods[0], methods[-1])):  # the roughest and the finest
+        add("method", swept.name, f"diffusion.method={swept.name}")
     for tolerance in ((0.05,), (0.05, 0.005), (0.1, 0.05, 0.02, 0.005, 0.002))[level]:
         add("tolerance", f"{tolerance:g}", f"diffusion.tolerance={tolerance}")
     for scale in ((0.5,), (0.25, 0.5), (0.125, 0.25, 0.5, 0.75))[level]:

@@ -19,9 +19,11 @@ import numpy as np
 from skinbake.atlas import face_mm_per_texel, interpolate, rasterize
 from skinbake.bake.machine import reuse_freed
 from skinbake.diffuse import diffuse
-from skinbake.diffuse.evaluator import LobeEvaluator
-from skinbake.diffuse.planning.auto import LOOSE
-from skinbake.diffuse.planning.lobe_plan import fixed_plan
+from skinbake.diffuse.methods import METHODS
+from skinbake.diffuse.methods.hybrid import LOOSE
+from skinbake.diffuse.planning.lobe_plan import plan_lobe
+from skinbake.diffuse.resources import LobeResources
+from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.texture_space.blur import texture_blur, texture_pyramid, widest_level
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.mesh import SkinMesh
@@ -232,7 +234,7 @@ def on_the_scan(size: int, probes: int) -> dict:
                 for b in baked.lobes
             ],
         }
-    report["seams"] = seams(mesh, atlas, [key["source"][r.tile] for r in atlas])
+    report["seams"] = seams(mesh, atlas, key["source"])
     return report
 
 
@@ -242,7 +244,7 @@ def seams(mesh, atlas, source, count: int = 10_000) -> dict:
     First only samples that a texture can show: four texels of their own chart on both sides (charts that touch in UV
     cannot be read there), and texels of at most ten times the mean length (faces squeezed to nothing in UV).
     """
-    from skinbake.diffuse.probes import bilinear_texels, read_bilinear
+    from skinbake.diffuse.bilinear import bilinear_texels, read_bilinear
     from skinbake.diffuse.texture_space.stretch import chart_of_face, uv_vertices
     from tests.diffuse.test_surface import seam_samples
 
@@ -255,13 +257,14 @@ def seams(mesh, atlas, source, count: int = 10_000) -> dict:
     clean = (length[faces[0]] < 10 * mean) & (length[faces[1]] < 10 * mean)
     for place, face in zip(places, faces, strict=True):
         clean &= (shown[bilinear_texels(place, *atlas[0].shape)[0]] == charts[face][:, None]).all(axis=1)
-    diffuser = LobeEvaluator(source, atlas, mesh, DiffusionSpec(tolerance=0.003))
-    images = {"before": source[0]}
-    for method in ("texture", "hybrid", "surface"):
-        plan = fixed_plan(diffuser, method, 1.99)
-        images[method] = diffuser.map(method, 1.99, 0, plan.spacing, plan.threshold)[0]
+    resources = LobeResources(source, SkinGeometry(atlas, mesh), DiffusionSpec(tolerance=0.003))
+    images = {"before": source[1001]}
+    for name in ("texture", "hybrid", "surface"):
+        lobe = plan_lobe(resources, METHODS[name], 1.99).parameters._replace(level=0)
+        images[name] = METHODS[name].map(resources, lobe)[1001]
     # As loose as `auto` allows a hybrid lobe to be
-    images["hybrid, loose"] = diffuser.map("hybrid", 1.99, 0, plan.spacing, LOOSE[-1] * diffuser.spec.tolerance)[0]
+    loose = lobe._replace(threshold=LOOSE[-1] * resources.spec.tolerance)
+    images["hybrid, loose"] = METHODS["hybrid"].map(resources, loose)[1001]
     out = {}
     for name, image in images.items():
         sides = [read_bilinear(image, place) for place in places]

@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import interpolate, rasterize
-from skinbake.diffuse import diffuse, measure_error, memory_needed_bytes
-from skinbake.diffuse.diffuse import _advice
-from skinbake.diffuse.diffuse_map import MeasuredError
-from skinbake.diffuse.memory import check_memory
-from skinbake.diffuse.probes import draw_probes, read_bilinear
-from skinbake.errors import InputError, MachineError
+from skinbake.diffuse import diffuse
+from skinbake.errors import InputError
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
@@ -52,15 +48,6 @@ def test_a_missed_tolerance_is_said_with_the_knob_that_helps():
     baked = _bake(relief(), method="texture", tolerance=1e-3)
     assert not baked.tolerance_met
     assert "diffusion.method" in baked.advice
-
-
-@pytest.mark.parametrize("precision", ["half", "float"])
-def test_advice_does_not_name_the_precision_that_is_set(precision):
-    """Nor does a tolerance of a millionth look like none."""
-    advice = _advice(DiffusionSpec(tolerance=1e-6), MeasuredError(0.01, 0.02, 0.05, 9, 0.001, 0.0099), precision)
-    assert "storage is the larger part; raise texture.size" in advice
-    assert ("output.precision" in advice) == (precision == "half")
-    assert "rms 1% is above diffusion.tolerance 0.0001%" in advice
 
 
 def test_the_classical_integral_warns_where_texels_are_wider_than_lobes():
@@ -190,44 +177,3 @@ def test_same_seed_same_bytes():
     assert first.plan == second.plan
     for a, b in zip(first.lobes, second.lobes, strict=True):
         np.testing.assert_array_equal(a.rgb[1001], b.rgb[1001])
-
-
-def test_probes_are_drawn_by_area():
-    """A chart of nine tenths of the skin and half of the texture gets nine tenths of the probes."""
-    from tests.shapes import joined
-
-    mesh = joined(quad(90, 40, uv_box=(0, 0, 0.5, 1)), quad(10, 40, 5, uv_box=(0.5, 0, 1, 1)))
-    atlas = rasterize(mesh, (64, 64))
-    from skinbake.diffuse.surface_space.points import texel_points
-
-    points = [texel_points(atlas[0], mesh, np.zeros(3))]
-    left = [(draw_probes(atlas, mesh, points, 4000, 0, s).place[:, 1] < 0.5).mean() for s in (0, 1)]
-    assert left == pytest.approx([0.9, 0.9], abs=0.02)
-    assert left[0] != left[1]
-    preferred = draw_probes(atlas, mesh, points, 4000, 0, 1, [(points[0].position[:, 0] > 0).astype(np.float32)])
-    weight = preferred.weight * (preferred.place[:, 1] < 0.5)
-    assert weight.mean() == pytest.approx(0.9, abs=0.03)
-
-
-def test_reading_is_bilinear_and_rounds_to_half():
-    """A ramp reads as itself; half rounds it by at most 2^-11."""
-    image = np.linspace(0.5, 1, 8, dtype=np.float32)[None, None, :, None] * np.ones((1, 5, 8, 3), np.float32)
-    place = np.array([[0.5, 0.31], [0.1, 0.93]])
-    want = 0.5 + 0.5 / 7 * (place[:, 1] * 8 - 0.5)
-    np.testing.assert_allclose(read_bilinear(image, place)[:, 0], want, rtol=1e-6)
-    np.testing.assert_allclose(read_bilinear(image, place, half=True)[:, 0], want, rtol=2**-11)
-
-
-def test_error_parts_are_what_they_are_called():
-    """rms of reading, method and storage against numbers worked by hand."""
-    exact = np.array([[3.0], [4.0]])
-    error = measure_error(exact + np.array([[0.3], [0.4]]), exact + np.array([[0.3], [0.0]]), exact)
-    assert (error.rms, error.method, error.storage) == pytest.approx((0.1, 0.06, 0.08))
-    assert error.max == pytest.approx(0.4 / 3.5)
-
-
-def test_too_much_memory_is_refused_with_the_amount():
-    """16384^2 of four lights on any machine here; 8192^2 of one light fits 24 GiB."""
-    assert memory_needed_bytes((8192, 8192), 1) < 24 * 2**30
-    with pytest.raises(MachineError, match=r"needs about \d+ GiB"):
-        check_memory((1 << 17, 1 << 17), 4, 1, 6, "auto")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import rasterize
+from skinbake.diffuse.surface_space.points import texel_points
 from skinbake.diffuse.surface_space.sources import (
     AMPLITUDE,
     LIGHT,
@@ -28,7 +29,8 @@ def light():
     mesh = sphere(30, "latlong", 40, 2)
     atlas = rasterize(mesh, (150, 117), udim=True)
     rng = np.random.default_rng(0)
-    return surface_light([rng.random((2, 117, 150, 3)).astype(np.float32) for _ in atlas], atlas, mesh)
+    source = {raster.tile: rng.random((2, 117, 150, 3)).astype(np.float32) for raster in atlas}
+    return surface_light(source, {raster.tile: texel_points(raster, mesh, np.zeros(3)) for raster in atlas})
 
 
 def sources(tree):
@@ -38,11 +40,11 @@ def sources(tree):
 
 def test_every_texel_that_has_area_is_a_source_once(light):
     """With its own place, area and light, whatever the order."""
-    tree = source_tree(light.tiles)
+    tree = source_tree(light)
     found = sources(tree)
     assert len(found) == tree.count
     want = []
-    for points, rgb, _ in light.tiles:
+    for points, rgb, _ in light.values():
         skin = points.area_mm2 > 0
         colours = rgb[:, points.flat_index[skin]].transpose(1, 0, 2).reshape(-1, 6)
         narrowing = np.ones((len(colours), 1), np.float32)
@@ -55,7 +57,7 @@ def test_every_texel_that_has_area_is_a_source_once(light):
 @pytest.mark.parametrize(("spread", "fewer"), [(0.2, 0.5), (1.0, 0.15)])
 def test_clusters_keep_area_centroid_and_light(light, spread, fewer):
     """Fewer sources, the same moments."""
-    texels, tree = source_tree(light.tiles), source_tree(light.tiles, spread, 4.0)
+    texels, tree = source_tree(light), source_tree(light, spread, 4.0)
     assert tree.count < fewer * texels.count
     moments = []
     for each in (sources(texels), sources(tree)):
@@ -69,7 +71,7 @@ def test_clusters_keep_area_centroid_and_light(light, spread, fewer):
 
 def test_boxes_enclose_what_is_below_them(light):
     """Leaves their sources, groups their boxes, up to one group; no leaf is empty, none has a gap in it."""
-    tree = source_tree(light.tiles)
+    tree = source_tree(light)
     there = tree.leaf[:, AMPLITUDE] > 0
     assert there[:, 0].all()
     assert (there[:, :-1] >= there[:, 1:]).all()
@@ -88,7 +90,7 @@ def test_boxes_enclose_what_is_below_them(light):
 @pytest.mark.parametrize("size", [0.0, 3.0])
 def test_the_search_finds_exactly_what_is_near(light, size):
     """Against all distances, from the root and from a level on the way."""
-    tree = source_tree(light.tiles)
+    tree = source_tree(light)
     there = tree.leaf[:, AMPLITUDE] > 0
     position, normal = sources(tree)[:, :3], sources(tree)[:, NORMAL : NORMAL + 3]
     leaf = np.nonzero(there)[0]

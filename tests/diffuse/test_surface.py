@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import interpolate, rasterize
-from skinbake.diffuse.evaluator import LobeEvaluator
-from skinbake.diffuse.probes import draw_probes
+from skinbake.diffuse.bilinear import read_bilinear
+from skinbake.diffuse.methods import METHODS, LobeParameters
+from skinbake.diffuse.surface_space.gather import SumRule, gather
 from skinbake.diffuse.surface_space.pair_rule import pair_weight
 from skinbake.diffuse.surface_space.points import extended_points, texel_points
 from skinbake.diffuse.surface_space.reference_integral import reference_integral
 from skinbake.diffuse.surface_space.sources import AMPLITUDE, LIGHT, NORMAL
-from skinbake.diffuse.surface_space.surface_light import surface_blur, surface_light
 from skinbake.io.mesh import read_mesh
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import DiffusionSpec
 from tests.diffuse.exact import brute_force
+from tests.diffuse.lobes import exact_at, lobe_map, probes_of, resources_of
 from tests.diffuse.test_sources import sources
 from tests.shapes import joined, quad, relief, sphere
 
@@ -44,9 +44,9 @@ def _bumps(height_mm=18.0):
 @pytest.mark.parametrize("separate", [True, False])
 def test_reference_equals_brute_force(variance, separate):
     """To 1e-6, for lobes from a third of a texel up: nothing of the neighbour search shows."""
-    mesh, atlas, (light,) = _bumps()
-    skin = surface_light([light], atlas, mesh)
-    texels, points = skin.texels, skin.tiles[0][0]
+    mesh, atlas, light = _bumps()
+    resources = resources_of(light, atlas, mesh)
+    texels, points = resources.texels.get(), resources.geometry.points[1001]
     pick = np.flatnonzero(points.area_mm2 > 0)[::301]
     coarse = np.full(len(pick), 1e-6, np.float32)  # lobes are not widened to the lattice here
     each = sources(texels)
@@ -62,12 +62,13 @@ def test_reference_equals_brute_force(variance, separate):
 @pytest.mark.parametrize("variance", [0.05, 0.6, 6.0])
 def test_clusters_are_as_wrong_as_their_spacing(spacing, allowed, variance):
     """Against the reference at every texel of a bump, relative rms."""
-    mesh, atlas, (light,) = _bumps()
-    diffuser = LobeEvaluator([light], atlas, mesh, DiffusionSpec())
-    points = diffuser.surface.tiles[0][0]
-    exact = diffuser.map("reference", variance, 0, 0.0)[0]
-    target = [dataclasses.replace(points)]
-    got = surface_blur(diffuser.surface, target, variance, spacing=spacing)[0][0]
+    mesh, atlas, light = _bumps()
+    resources = resources_of(light, atlas, mesh)
+    points = resources.geometry.points[1001]
+    exact = lobe_map(resources, "reference", variance)
+    got = np.zeros((*atlas[0].shape, 3), np.float32)
+    rule = SumRule(cut=4.0, separate=True, normalise=True)
+    gather(points, resources.sources(variance, spacing), variance, rule, got.reshape(1, -1, 3))
     inside = atlas[0].coverage > 0.99
     assert np.linalg.norm((got - exact[0])[inside]) < allowed * np.linalg.norm(exact[0][inside])
 
@@ -79,8 +80,7 @@ def test_a_flat_wave_is_damped_as_the_plane_s_integral_says():
     x = interpolate(atlas[0], mesh.corner_position_mm)[..., 0]
     k = 2 * np.pi / 40
     light = np.repeat((0.5 + 0.4 * np.cos(k * x))[None, ..., None], 3, axis=3).astype(np.float32)
-    diffuser = LobeEvaluator([light], atlas, mesh, DiffusionSpec())
-    got = diffuser.map("surface", 25.0, 0, 0.5)[0][0, 50, :, 1]
+    got = lobe_map(resources_of([light], atlas, mesh), "surface", 25.0, 0, 0.5)[0, 50, :, 1]
     want = 0.5 + 0.4 * np.exp(-25 * k**2 / 2) * np.cos(k * x[50])
     np.testing.assert_allclose(got[15:-15], want[15:-15], atol=2e-3)
 
@@ -92,7 +92,7 @@ def test_constant_light_stays_constant(method, variance):
     mesh = sphere(20, "cube", 16)
     atlas = rasterize(mesh, (60, 45), gutter=3)
     light = np.where(atlas[0].addressed[..., None], np.float32(3.7), np.float32(0))[None] * np.ones(3, np.float32)
-    got = LobeEvaluator([light], atlas, mesh, DiffusionSpec()).map(method, variance, 0, 0.8, 0.01)[0]
+    got = lobe_map(resources_of([light], atlas, mesh), method, variance, 0, 0.8, 0.01)
     np.testing.assert_allclose(got[0][atlas[0].covered], 3.7, rtol=1e-5)
 
 
@@ -110,16 +110,15 @@ def test_layouts_of_a_sphere_agree(radius):
             n = interpolate(raster, mesh.corner_position_mm) / np.float32(radius)
             e = np.maximum(n @ np.array([0.6, 0.0, 0.8], np.float32), 0) * (1.5 + np.sin(5 * n[..., 1]))
             light.append((e[None, ..., None] * np.ones(3)).astype(np.float32))
-        diffuser = LobeEvaluator(light, atlas, mesh, DiffusionSpec(tolerance=0.001))
+        resources = resources_of(light, atlas, mesh, tolerance=0.001)
         variance = (0.08 * radius) ** 2
-        probes = draw_probes(atlas, mesh, [p for p, _, _ in diffuser.surface.tiles], 1, 0)
         count = len(direction)
         at = dataclasses.replace(
-            probes, tile=np.zeros(count, np.int32), position=(direction * radius).astype(np.float32),
+            probes_of(resources, 1), tile=np.zeros(count, np.int32), position=(direction * radius).astype(np.float32),
             normal=direction.astype(np.float32), texel_mm2=np.full(count, 1e-6, np.float32),
         )  # fmt: skip
-        values.append(diffuser.at("surface", variance, 0, 0.6, at)[:, 0])
-        exact = diffuser.reference(variance, at)[:, 0]
+        values.append(METHODS["surface"].at_probes(resources, LobeParameters(variance, 0, 0.6), at)[:, 0])
+        exact = exact_at(resources, variance, at)[:, 0]
         assert np.linalg.norm(values[-1] - exact) < 2e-3 * np.linalg.norm(exact)
     for other in values[1:]:
         assert np.linalg.norm(other - values[0]) < 4e-3 * np.linalg.norm(values[0])
@@ -129,12 +128,11 @@ def test_both_sides_of_a_seam_agree():
     """Reading just left and just right of every seam of a cube sphere: before up to a texel apart, after the same."""
     mesh = sphere(30, "cube", 48)
     atlas = rasterize(mesh, (300, 200))
-    light = _lit(mesh, atlas)
-    diffuser = LobeEvaluator(light, atlas, mesh, DiffusionSpec())
+    resources = resources_of(_lit(mesh, atlas), atlas, mesh)
     pairs = seam_samples(mesh, 2000)
     for variance, level in ((2.0, 0), (8.0, 1)):
-        image = diffuser.map("surface", variance, level, 0.6)[0]
-        texture = diffuser.map("texture", variance, level, 0.0)[0]
+        image = lobe_map(resources, "surface", variance, level, 0.6)
+        texture = lobe_map(resources, "texture", variance, level)
         apart = [np.abs(np.subtract(*(_read(i, uv) for uv in pairs))).mean() / i.mean() for i in (image, texture)]
         assert apart[0] < 2e-3
         assert apart[0] < 0.1 * apart[1]
@@ -165,8 +163,6 @@ def seam_samples(mesh: SkinMesh, count: int, with_faces: bool = False):
 
 
 def _read(image, uv):
-    from skinbake.diffuse.probes import read_bilinear
-
     return read_bilinear(image, np.stack([1 - uv[:, 1], uv[:, 0]], axis=1))
 
 
@@ -175,9 +171,9 @@ def test_a_light_alone_gives_the_same_bytes_as_in_a_group():
     mesh = relief()
     atlas = rasterize(mesh, (70, 61))
     group = _lit(mesh, atlas, lights=3)[0]
-    together = LobeEvaluator([group], atlas, mesh, DiffusionSpec()).map("surface", 1.5, 0, 0.8)[0]
+    together = lobe_map(resources_of([group], atlas, mesh), "surface", 1.5, 0, 0.8)
     for k in range(3):
-        alone = LobeEvaluator([group[k : k + 1]], atlas, mesh, DiffusionSpec()).map("surface", 1.5, 0, 0.8)[0]
+        alone = lobe_map(resources_of([group[k : k + 1]], atlas, mesh), "surface", 1.5, 0, 0.8)
         np.testing.assert_array_equal(alone[0], together[k])
 
 
@@ -185,10 +181,9 @@ def test_bytes_do_not_depend_on_the_number_of_threads():
     """One thread and two."""
     code = (
         "import numba, hashlib; numba.set_num_threads({n});"
-        "from tests.diffuse.test_surface import _bumps; from skinbake.diffuse.evaluator import LobeEvaluator;"
-        "from skinbake.scene.spec import DiffusionSpec; m, a, l = _bumps();"
-        "d = LobeEvaluator(l, a, m, DiffusionSpec());"
-        "print([hashlib.sha256(d.map(x, 0.6, 0, 0.8)[0].tobytes()).hexdigest() for x in ('texture', 'surface')])"
+        "from tests.diffuse.test_surface import _bumps; from tests.diffuse.lobes import lobe_map, resources_of;"
+        "m, a, l = _bumps(); r = resources_of(l, a, m);"
+        "print([hashlib.sha256(lobe_map(r, x, 0.6, 0, 0.8).tobytes()).hexdigest() for x in ('texture', 'surface')])"
     )
     results = {
         subprocess.run([sys.executable, "-c", code.format(n=n)], capture_output=True, text=True, check=True).stdout
@@ -208,10 +203,8 @@ def test_facing_skin_is_kept_apart_and_thin_skin_is_not():
         light = np.zeros((1, 60, 120, 3), np.float32)
         light[:, :, :60] = 1
         for separate in (True, False):
-            spec = DiffusionSpec(separate=separate)
-            received[name, separate] = LobeEvaluator([light], atlas, mesh, spec).map("surface", 4.0, 0, 0.8)[0][
-                0, 30, 90, 0
-            ]
+            resources = resources_of([light], atlas, mesh, separate=separate)
+            received[name, separate] = lobe_map(resources, "surface", 4.0, 0, 0.8)[0, 30, 90, 0]
     assert received["lips", True] < 0.03
     assert received["lips", False] > 0.4
     assert received["ear", True] == pytest.approx(received["ear", False], abs=1e-6)
@@ -231,10 +224,9 @@ def test_not_normalised_a_plane_keeps_its_light_and_a_border_loses_half():
     """The classical integral: 1 in the middle, 1/2 at an edge, 1/4 at a corner."""
     mesh = quad(60, 60)
     atlas = rasterize(mesh, (120, 120))
-    spec = DiffusionSpec(method="surface", normalise=False)
     light = np.ones((1, 120, 120, 3), np.float32)
     for method in ("surface", "reference"):
-        got = LobeEvaluator([light], atlas, mesh, spec).map(method, 9.0, 0, 0.8)[0][0, ..., 0]
+        got = lobe_map(resources_of([light], atlas, mesh, normalise=False), method, 9.0, 0, 0.8)[0, ..., 0]
         assert got[60, 60] == pytest.approx(1, abs=4e-3)
         assert got[60, 0] == pytest.approx(0.5, abs=0.04)
         assert got[0, 0] == pytest.approx(0.25, abs=0.04)
@@ -255,5 +247,5 @@ def test_no_texel_of_a_scan_stays_dark_in_constant_light(lee_perry_smith, method
     mesh = read_mesh(str(lee_perry_smith / "head.obj"), 50.35)
     atlas = rasterize(mesh, (512, 512))
     light = np.where(atlas[0].addressed[None, ..., None], np.float32(0.7), np.float32(0)).repeat(3, axis=3)
-    image = LobeEvaluator([light], atlas, mesh, DiffusionSpec()).map(method, 0.0064, 0, 0.8)[0]
+    image = lobe_map(resources_of([light], atlas, mesh), method, 0.0064, 0, 0.8)
     np.testing.assert_allclose(image[0][atlas[0].addressed], 0.7, rtol=1e-5)

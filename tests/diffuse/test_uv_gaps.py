@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import rasterize
+from skinbake.diffuse.surface_space.points import texel_points
 from skinbake.diffuse.surface_space.surface_light import surface_light
 from skinbake.diffuse.texture_space.uv_gaps import distance_to_foreign
 from tests.shapes import joined, quad, relief, sphere
@@ -12,10 +13,11 @@ from tests.shapes import joined, quad, relief, sphere
 def distances(mesh, size, udim=False):
     """By tile, with the area of each block."""
     atlas = rasterize(mesh, size, udim=udim)
-    light = surface_light([np.zeros((1, *raster.shape, 3), np.float32) for raster in atlas], atlas, mesh)
-    pyramids = [pyramid for _, _, pyramid in light.tiles]
-    areas = [p.moments[p.start[2] : p.start[3], 0].reshape(-1, p.width[2]) for p in pyramids]
-    return distance_to_foreign(pyramids), areas
+    points = {raster.tile: texel_points(raster, mesh, np.zeros(3)) for raster in atlas}
+    dark = {raster.tile: np.zeros((1, *raster.shape, 3), np.float32) for raster in atlas}
+    pyramids = {tile: lit.pyramid for tile, lit in surface_light(dark, points).items()}
+    areas = [p.moments[p.start[2] : p.start[3], 0].reshape(-1, p.width[2]) for p in pyramids.values()]
+    return list(distance_to_foreign(pyramids).values()), areas
 
 
 @pytest.mark.parametrize("mesh", [quad(100, 80), quad(100, 300), relief()])

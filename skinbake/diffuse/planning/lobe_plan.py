@@ -6,19 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinbake.diffuse.diffuse_map import Decision
+from skinbake.diffuse.methods import IDENTITY, DiffusionMethod, LobeParameters
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.texture_space.blur import widest_level
 from skinbake.profile.gaussian_sum import GaussianSum
+from skinbake.scene.decision import Decision
 
-# Bilinear reading of texels of side h is wrong by this (h / sigma)^2, rms: measured on a scan whose texels vary 7.7 x
-BILINEAR_ERROR = {
-    "surface": 0.055,
-    "hybrid": 0.055,
-    "reference": 0.055,
-    "texture": 0.008,
-    "stretch": 0.008,
-}  # these two are smooth in UV
 _STORAGE_SHARE = 0.6  # of the tolerance
 # Clusters of `spacing` sigma are wrong by this spacing^2, rms: 0.0014 on the same scan, 0.004 on small hard-lit shapes
 CLUSTER_ERROR = 0.002
@@ -33,70 +26,80 @@ class LobePlan:
 
     Attributes
     ----------
-    method : str
-        "identity", "texture", "stretch", "hybrid", "surface" or "reference".
-    level : int
-        Stored at the full size halved this many times.
-    spacing : float
-        Of surface sums: widest cluster in sigma.
-    threshold : float
-        Of `hybrid`: predicted error of the blur, over a light's mean, from which on sums take its place.
+    method : DiffusionMethod
+    parameters : LobeParameters
     why : str
         The numbers that decided.
     """
 
-    method: str
-    level: int
-    spacing: float
-    threshold: float
+    method: DiffusionMethod
+    parameters: LobeParameters
     why: str
 
 
-def plan_lobes(resources: LobeResources, gaussians: GaussianSum) -> tuple[LobePlan, ...]:
-    """The plan of a fixed method: sizes by the rule of bilinear reading, nothing measured."""
-    return tuple(fixed_plan(resources, resources.spec.method, float(v)) for v in gaussians.variance_mm2)
+def plan_fixed(
+    resources: LobeResources, method: DiffusionMethod, gaussians: GaussianSum
+) -> tuple[tuple[LobePlan, ...], list[Decision]]:
+    """Plans of all lobes by one method: sizes by the rule of bilinear reading, nothing measured.
+
+    Parameters
+    ----------
+    resources : LobeResources
+    method : DiffusionMethod
+        That the look asks for.
+    gaussians : GaussianSum
+
+    Returns
+    -------
+    plans : tuple of LobePlan
+    decisions : list of Decision
+        One a lobe.
+    """
+    plans = tuple(plan_lobe(resources, method, float(v)) for v in gaussians.variance_mm2)
+    decisions = [
+        Decision(
+            f"lobe_{i}",
+            plan.method.blurs,
+            f"v = {v:.4g} mm^2, {plan.method.name}, size / {2**plan.parameters.level}: {plan.why}",
+        )
+        for i, (plan, v) in enumerate(zip(plans, gaussians.variance_mm2, strict=True))
+    ]
+    return plans, decisions
 
 
-def fixed_plan(resources: LobeResources, method: str, variance_mm2: float) -> LobePlan:
-    """One lobe by a given method, stored as small as the tolerance allows."""
-    texel_mm2 = resources.mm_per_texel[0] * resources.mm_per_texel[1]
+def plan_lobe(resources: LobeResources, method: DiffusionMethod, variance_mm2: float) -> LobePlan:
+    """The plan of one lobe by a given method, stored as small as the tolerance allows; `identity` if it is too narrow.
+
+    Parameters
+    ----------
+    resources : LobeResources
+    method : DiffusionMethod
+    variance_mm2 : float
+        Of the lobe.
+    """
+    geometry, tolerance = resources.geometry, resources.spec.tolerance
+    texel_mm2 = geometry.mm_per_texel[0] * geometry.mm_per_texel[1]
     ratio = variance_mm2 / texel_mm2 if texel_mm2 > 0 else 0.0
     if ratio < IDENTITY_TEXELS2:
-        return LobePlan("identity", 0, 0.0, 0.0, f"sigma is {np.sqrt(ratio):.3f} texel: nothing to blur")
-    level = storage_level(resources, method, variance_mm2, resources.spec.tolerance)
-    if method == "stretch":  # its blocks are whole texels
-        while level and (resources.size[0] % (1 << level) or resources.size[1] % (1 << level)):
-            level -= 1
-    spacing = cluster_spacing(resources.spec.tolerance)
-    return LobePlan(
-        method,
-        level,
-        spacing,
-        resources.spec.tolerance,
-        f"asked for; sigma is {np.sqrt(ratio) / 2**level:.1f} stored texels",
-    )
+        why = f"sigma is {np.sqrt(ratio):.3f} texel: nothing to blur"
+        return LobePlan(IDENTITY, LobeParameters(variance_mm2), why)
+    level = method.coarsest_level(geometry.size, _stored_level(resources, method, variance_mm2))
+    why = f"asked for; sigma is {np.sqrt(ratio) / 2**level:.1f} stored texels"
+    return LobePlan(method, LobeParameters(variance_mm2, level, cluster_spacing(tolerance), tolerance), why)
 
 
-def storage_level(resources: LobeResources, method: str, variance_mm2: float, tolerance: float) -> int:
-    """Coarsest level whose bilinear reading costs its share of the tolerance, by the estimate above."""
-    coarsest = widest_level(resources.variance_texels2(variance_mm2))
+def _stored_level(resources: LobeResources, method: DiffusionMethod, variance_mm2: float) -> int:
+    """Coarsest level whose bilinear reading costs its share of the tolerance."""
+    coarsest = widest_level(resources.geometry.variance_texels2(variance_mm2))
     level = 0
     while level < coarsest:
-        h2 = resources.surface.mean_texel_mm2 * 4 ** (level + 1)
-        if BILINEAR_ERROR[method] * h2 / variance_mm2 > _STORAGE_SHARE * tolerance:
+        h2 = resources.geometry.mean_texel_mm2 * 4 ** (level + 1)
+        if method.bilinear_error * h2 / variance_mm2 > _STORAGE_SHARE * resources.spec.tolerance:
             break
         level += 1
     return level
 
 
 def cluster_spacing(tolerance: float) -> float:
-    """Spacing whose error takes its share of the tolerance."""
+    """Side of the widest cluster, in sigma, whose error takes its share of the tolerance."""
     return float(np.clip(np.sqrt(_CLUSTER_SHARE * tolerance / CLUSTER_ERROR), MIN_SPACING, MAX_SPACING))
-
-
-def plan_lines(plans: tuple[LobePlan, ...], gaussians: GaussianSum) -> list[Decision]:
-    """The plan as a person reads it."""
-    return [
-        Decision(f"lobe_{i}", p.method != "identity", f"v = {v:.4g} mm^2, {p.method}, size / {2**p.level}: {p.why}")
-        for i, (p, v) in enumerate(zip(plans, gaussians.variance_mm2, strict=True))
-    ]

@@ -6,6 +6,8 @@ the result depends neither on the number of threads nor on the width of the mach
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
@@ -54,6 +56,24 @@ _ZERO, _HALF = np.float32(0), np.float32(0.5)
 _TINY = np.float32(1e-20)
 
 
+class SumRule(NamedTuple):
+    """What all surface sums of a bake have in common.
+
+    Attributes
+    ----------
+    cut : float
+        A target looks at least this many sigma far.
+    separate : bool
+        p_ts is the share that `pair_weight` lets pass, else 1.
+    normalise : bool
+        False: a sum is not divided by that of the weights, but by a plane's, 2 pi v / gain_t.
+    """
+
+    cut: float
+    separate: bool
+    normalise: bool
+
+
 def cut_sigma(tolerance: float, normalise: bool = True) -> float:
     """How far, in sigma, sums must look for what lies beyond to take its small share of a tolerance.
 
@@ -67,9 +87,7 @@ def gather(
     points: TexelPoints,
     tree: SourceTree,
     variance_mm2: float,
-    cut: float,
-    separate: bool,
-    normalise: bool,
+    rule: SumRule,
     out: NDArray[np.float32],
     first_light: int = 0,
     share: NDArray[np.uint8] | None = None,
@@ -81,12 +99,7 @@ def gather(
     points : TexelPoints
         Targets. Where their texels are coarser than the lobe, v_t is widened so that their lattice still spreads light
         by `variance_mm2` (`lattice_variance`).
-    cut : float
-        A target looks at least this many sigma far.
-    separate : bool
-        p_ts is the share that `pair_weight` lets pass, else 1.
-    normalise : bool
-        False: the sum is not divided by that of the weights, but by a plane's, 2 pi v / gain_t.
+    rule : SumRule
     out : ndarray of shape (L, H * W, 3), float32
         Left as it was where there is no target, or nothing near one.
     first_light : int
@@ -95,11 +108,11 @@ def gather(
         How much the sum counts against what `out` held, in steps of 1 / 255; at 0 there is none.
     """
     strips = -(-points.row.shape[0] // _TILE)
-    density = 0.0 if normalise else 1 / (2 * np.pi * variance_mm2)
+    density = 0.0 if rule.normalise else 1 / (2 * np.pi * variance_mm2)
     _gather(
         strips, even_stride(strips), points.row, points.flat_index, points.position, points.normal, points.texel_mm2,
-        tree.leaf, tree.box, tree.first_group, variance_mm2, lattice_table(), np.float32(cut),
-        separate, np.float32(_TINY * (tree.largest or 1.0)), np.float32(density), first_light,
+        tree.leaf, tree.box, tree.first_group, variance_mm2, lattice_table(), np.float32(rule.cut),
+        rule.separate, np.float32(_TINY * (tree.largest or 1.0)), np.float32(density), first_light,
         np.empty((0, 0), np.uint8) if share is None else share, out,
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, signed_uv_area, tile_origin
+from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
@@ -88,6 +89,12 @@ def extended_points(points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, ce
         mesh.corner_position_mm - centre_mm, _face_texel_mm2(raster, mesh), MAX_BEYOND_TEXELS, position,
     )  # fmt: skip
     return replace(points, position=position)
+
+
+def mean_texel_mm2(points: Tiled[TexelPoints]) -> float:
+    """Skin area over the number of texels that show it, mm^2."""
+    area = sum(float(p.area_mm2.sum(dtype=np.float64)) for p in points.values())
+    return area / max(1, sum(int(np.count_nonzero(p.area_mm2)) for p in points.values()))
 
 
 def _face_texel_mm2(raster: AtlasRaster, mesh: SkinMesh) -> Float:

@@ -10,15 +10,15 @@ deep as it must.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from skinbake.diffuse.surface_space.clusters import LEVELS, MomentPyramid, is_cluster
-from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.diffuse.surface_space.clusters import LEVELS, is_cluster
+from skinbake.diffuse.surface_space.surface_light import LitTile
+from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, bits_below, load, lowest_bit, mul_add
 
@@ -57,7 +57,7 @@ class SourceTree:
 
 
 def source_tree(
-    tiles: Sequence[tuple[TexelPoints, NDArray[np.float32], MomentPyramid]],
+    lit: Tiled[LitTile],
     max_spread_mm2: float = -1.0,
     variance_mm2: float = 1.0,
 ) -> SourceTree:
@@ -65,7 +65,8 @@ def source_tree(
 
     Parameters
     ----------
-    tiles : sequence of (TexelPoints, radiosity (L, H * W, 3), MomentPyramid)
+    lit : Tiled of LitTile
+        Skin and light.
     max_spread_mm2 : float
         Below 0 every texel stays by itself.
     variance_mm2 : float
@@ -73,7 +74,7 @@ def source_tree(
         the area times that.
     """
     walks = []
-    for points, light, pyramid in tiles:
+    for points, light, pyramid in lit.values():
         rows, cols = _roots(points.row.shape)
         order = np.empty((len(rows), 4**LEVELS), np.int32)
         count = np.empty((len(rows), 2), np.int64)
@@ -84,7 +85,7 @@ def source_tree(
         walks.append((points, light, pyramid, order, count))
     total = np.cumsum(np.concatenate([count for *_, count in walks]), axis=0)
     sources, leaves = (int(n) for n in total[-1])
-    leaf, box = np.empty((leaves, LIGHT + 3 * len(tiles[0][1]), LANES), np.float32), _no_boxes(leaves)
+    leaf, box = np.empty((leaves, LIGHT + 3 * len(walks[0][1]), LANES), np.float32), _no_boxes(leaves)
     done = 0
     for points, light, pyramid, order, count in walks:
         begin = (total[done : done + len(count)] - count)[:, 1]

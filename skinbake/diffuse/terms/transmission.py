@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin, tiles_of
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
+from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.shadow_origin import facet_point, point_of
@@ -91,7 +92,7 @@ def transmit(
     kept = switch == "on" or peak > WORTH * tolerance
     limit = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
     why = f"{switch}: through thin parts {limit}, worth it from {WORTH * tolerance:.1%}"
-    lobe = Lobe(float(gaussians.variance_mm2[-1]), (1.0, 1.0, 1.0), "transmission", rgb) if kept else None
+    lobe = Lobe(float(gaussians.variance_mm2[-1]), (1.0, 1.0, 1.0), None, rgb) if kept else None
     return lobe, Decision("transmission", kept, why)
 
 
@@ -167,7 +168,7 @@ def _without_counted(weights: SlabWeights, diffused: DiffuseMap, gaussians: Gaus
     """Take off what lobes summed over the surface in space already carry through a slab, theory.md 7.2."""
     taken = weights.weight_rgb.copy()
     for i, lobe in enumerate(diffused.lobes):
-        if lobe.method in ("hybrid", "surface", "reference") and lobe.variance_mm2 > 0:
+        if lobe.method and METHODS[lobe.method].through_flesh and lobe.variance_mm2 > 0:
             through = np.exp(-(weights.thickness_mm**2) / (2 * lobe.variance_mm2))
             taken[:, i] -= through[:, None] * gaussians.weight_rgb[i]
     return SlabWeights(weights.thickness_mm, taken)

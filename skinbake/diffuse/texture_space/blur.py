@@ -1,4 +1,4 @@
-"""Method `texture`: one texel size for the whole texture, separable kernels, K[M E] / K[M]; the 2015 report's way.
+"""A blur in the texture: one texel size for all of it, separable kernels, K[M E] / K[M]; the 2015 report's way.
 
 It knows nothing of stretch, seams and tiles, and costs the same for every width: a wide lobe is blurred, and stored,
 at the level of a pyramid where it is a few texels wide. Variances add, so each level's prefilter is taken off the blur
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
-from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.texture_space.separable import decimate, decimation_weights, masked_light, normalised_blur
+from skinbake.diffuse.tiled import Tiled, Tiles
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
@@ -162,28 +162,9 @@ def level_kernel(pyramid: TexturePyramid, variance_texels2: tuple[float, float],
     return residual_kernel(rest, t / ratio**4)
 
 
-def texture_pyramids(source: Sequence[NDArray[np.float32]], atlas: Atlas) -> list[TexturePyramid]:
-    """One a tile; tiles do not see one another in this method."""
-    return [texture_pyramid(light, raster.coverage) for light, raster in zip(source, atlas, strict=True)]
-
-
-def texture_at(
-    pyramids: Sequence[TexturePyramid], variance_texels2: tuple[float, float], level: int, probes: Probes
-) -> Float:
-    """The same blur at the probes' texel centres of the full size, before anything is stored, (P, 3 L).
-
-    A level's kernel is band-limited (its variance is at least 0.6 texels): a Fourier shift lays it between the texels.
-    """
-    out = np.zeros((len(probes), pyramids[0].levels[0].shape[2] - 1))
-    for k, pyramid in enumerate(pyramids):
-        mine = np.flatnonzero(probes.tile == k)
-        full = pyramid.levels[0].shape[:2]
-        size = level_size(full, level)
-        texel = np.divmod(probes.flat_index[mine], full[1])
-        out[mine], _ = blur_at(
-            pyramid, variance_texels2, level, [(texel[a] + 0.5) * size[a] / full[a] - 0.5 for a in (0, 1)]
-        )
-    return out
+def texture_pyramids(source: Tiles, atlas: Atlas) -> Tiled[TexturePyramid]:
+    """Start of a pyramid for each tile; tiles do not see one another in texture space."""
+    return {raster.tile: texture_pyramid(source[raster.tile], raster.coverage) for raster in atlas}
 
 
 def blur_at(

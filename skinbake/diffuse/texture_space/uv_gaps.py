@@ -7,13 +7,12 @@ two tiles they always are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.clusters import MomentPyramid
+from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
@@ -24,16 +23,16 @@ _HALF_SIDE = 1.8  # roots of a square's spread, which is a twelfth of its area
 _MOST_CELLS = 1 << 20  # along an axis
 
 
-def distance_to_foreign(pyramids: Sequence[MomentPyramid]) -> list[NDArray[np.float32]]:
+def distance_to_foreign(pyramids: Tiled[MomentPyramid]) -> Tiled[NDArray[np.float32]]:
     """Least straight distance, in mm, from each block of each tile to skin that is foreign to it.
 
     Returns
     -------
-    list of ndarray of shape (h / 8, w / 8), float32
+    Tiled of ndarray of shape (h / 8, w / 8), float32
         Infinite where none is within four blocks.
     """
     parts, shapes = [], []
-    for tile, pyramid in enumerate(pyramids):
+    for tile, pyramid in pyramids.items():
         start, stop, width = pyramid.start[LEVEL - 1], pyramid.start[LEVEL], pyramid.width[LEVEL - 1]
         moments = pyramid.moments[start:stop].astype(np.float64)
         row, col = np.divmod(np.arange(stop - start), width)
@@ -56,7 +55,7 @@ def distance_to_foreign(pyramids: Sequence[MomentPyramid]) -> list[NDArray[np.fl
         np.append(first, len(skin)),
     )  # fmt: skip
     tiles = np.split(found, np.cumsum([len(part) for part in parts])[:-1])
-    return [values.reshape(shape) for values, shape in zip(tiles, shapes, strict=True)]
+    return {tile: values.reshape(shape) for tile, values, shape in zip(pyramids, tiles, shapes, strict=True)}
 
 
 def _cells(position: Float, side: float) -> NDArray[np.int64]:

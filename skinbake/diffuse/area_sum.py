@@ -1,0 +1,37 @@
+"""Light times area, summed over the skin."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import prange
+
+from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.diffuse.tiled import Tiled, Tiles
+from skinbake.kernels.compile import kernel
+from skinbake.numerics import Float
+
+_BLOCK = 65536  # texels
+
+
+def area_sum(tiles: Tiles, points: Tiled[TexelPoints]) -> Float:
+    """Sum over lights and texels of radiosity times area, (3,); in blocks, so that threads cannot change it.
+
+    `tiles` is (L, h, w, 3) a tile, `points` are those of the same size.
+    """
+    total = np.zeros(3)
+    for tile, rgb in tiles.items():
+        here = points[tile]
+        blocks = np.zeros((-(-len(here.flat_index) // _BLOCK), 3))
+        _area_sums(rgb.reshape(len(rgb), -1, 3), here.flat_index, here.area_mm2, blocks)
+        total += blocks.sum(axis=0)
+    return total
+
+
+@kernel(parallel=True)
+def _area_sums(rgb, flat, area, blocks):  # type: ignore[no-untyped-def]
+    """Fill the sums of each block of texels, (B, 3)."""
+    for block in prange(len(blocks)):
+        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(flat))):
+            for light in range(len(rgb)):
+                for c in range(3):
+                    blocks[block, c] += np.float64(area[i]) * rgb[light, flat[i], c]

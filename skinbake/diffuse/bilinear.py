@@ -1,0 +1,47 @@
+"""Reading of stored images between their texels, as a GPU does it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.numerics import Float
+
+HALF_FAINT = 1 / 64  # as io.exr: a channel all below would lose its shadows to half's subnormals
+
+
+def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) -> Float:
+    """Values of an image at places, as a GPU reads them: bilinear, clamped to the edge texels.
+
+    Parameters
+    ----------
+    image : ndarray of shape (L, h, w, 3), float32
+    place : ndarray of shape (P, 2)
+        (row, column) / size.
+    half : bool
+        Round each texel to binary16 first, as a file would hold it.
+
+    Returns
+    -------
+    ndarray of shape (P, 3 L), float64
+    """
+    lights, height, width, _ = image.shape
+    flat, weight = bilinear_texels(place, height, width)
+    values = image.reshape(lights, -1, 3)[:, flat]
+    if half:
+        with np.errstate(over="ignore"):  # past 65504, and for channels faint all over, the writer takes float
+            rounded = values.astype(np.float16).astype(np.float32)
+        top = np.abs(values).max(axis=(1, 2), keepdims=True, initial=0.0)
+        values = np.where(np.isfinite(rounded) & (top >= HALF_FAINT), rounded, values)
+    return np.einsum("lpkc,pk->plc", values.astype(np.float64), weight).reshape(len(place), 3 * lights)
+
+
+def bilinear_texels(place: Float, height: int, width: int) -> tuple[NDArray[np.int64], Float]:
+    """The four texels around each place, flat, and their weights, both (P, 4)."""
+    row, col = place[:, 0] * height - 0.5, place[:, 1] * width - 0.5
+    r0, c0 = np.floor(row).astype(np.int64), np.floor(col).astype(np.int64)
+    fr, fc = row - r0, col - c0
+    rows = [np.clip(r, 0, height - 1) for r in (r0, r0, r0 + 1, r0 + 1)]
+    cols = [np.clip(c, 0, width - 1) for c in (c0, c0 + 1, c0, c0 + 1)]
+    weight = np.stack([(1 - fr) * (1 - fc), (1 - fr) * fc, fr * (1 - fc), fr * fc], axis=1)
+    return np.stack([r * width + c for r, c in zip(rows, cols, strict=True)], axis=1), weight

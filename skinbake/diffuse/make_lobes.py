@@ -1,0 +1,87 @@
+"""Makes every lobe of a plan, in an order that holds little in memory at a time, and measures how wrong they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from skinbake.diffuse.diffuse_map import MeasuredError
+from skinbake.diffuse.error import measure_error, weighted_sum
+from skinbake.diffuse.memoize import Memoizer
+from skinbake.diffuse.planning.lobe_plan import LobePlan
+from skinbake.diffuse.probes import Probes, read_at_probes
+from skinbake.diffuse.resources import Resource
+from skinbake.diffuse.tiled import Tiles
+from skinbake.numerics import Float
+
+
+class MadeLobes(NamedTuple):
+    """Lobes in the order of their plans, and their errors at the probes.
+
+    Attributes
+    ----------
+    tiles : list of Tiles
+        (L, h, w, 3) a tile.
+    error : MeasuredError, optional
+        Of the weighted sum; None without probes.
+    by_lobe : list of MeasuredError or None
+        Of each lobe alone.
+    """
+
+    tiles: list[Tiles]
+    error: MeasuredError | None
+    by_lobe: list[MeasuredError | None]
+
+
+def make_lobes(
+    memoizer: Memoizer,
+    plans: Sequence[LobePlan],
+    weight_rgb: Float,
+    probes: Probes,
+    precision: str,
+    tell: Callable[[str], None],
+) -> MadeLobes:
+    """Every lobe; the error of their sum and of each, if there are probes.
+
+    Parameters
+    ----------
+    memoizer : Memoizer
+        Runs the methods.
+    plans : sequence of LobePlan
+    weight_rgb : ndarray of shape (N, 3)
+        Of the lobes in the sum.
+    probes : Probes
+        May be none.
+    precision : "half" or "float"
+        What the lobes will be written as.
+    tell : callable
+        Told in words what begins.
+    """
+    # What lobes share is larger than they are: those that need most come first, and what none needs any more is let go
+    needs = [plan.method.needs(memoizer.resources, plan.parameters) for plan in plans]
+    order = sorted(range(len(plans)), key=lambda i: [resource not in needs[i] for resource in Resource])
+    memoizer.release(set(Resource) - needs[order[0]] - {Resource.TEXELS})
+    tell("measuring lobes exactly")
+    exact = [memoizer.exact(plan.parameters.variance_mm2, probes) for plan in plans] if len(probes) else []
+    made: dict[int, Tiles] = {}
+    unreduced: dict[int, Float] = {}
+    read: dict[int, Float] = {}
+    for place, i in enumerate(order):
+        memoizer.release(set(Resource).difference(*(needs[later] for later in order[place:])))
+        method, parameters = plans[i].method, plans[i].parameters
+        tell(f"lobe {i}: {method.name}")
+        made[i] = memoizer.map(method, parameters)
+        if len(probes):
+            tell(f"measuring lobe {i}")
+            unreduced[i] = (
+                memoizer.at_probes(method, parameters, probes) if method.continuous else read_at_probes(made[i], probes)
+            )
+            read[i] = read_at_probes(made[i], probes, precision == "half")
+        memoizer.release_lobe(parameters.variance_mm2)
+
+    tiles = [made[i] for i in range(len(plans))]
+    if not len(probes):
+        return MadeLobes(tiles, None, [None] * len(plans))
+    found = [[values[i] for i in range(len(plans))] for values in (read, unreduced)]
+    total = measure_error(*(weighted_sum(values, weight_rgb) for values in (*found, exact)))
+    return MadeLobes(tiles, total, [measure_error(*each) for each in zip(*found, exact, strict=True)])

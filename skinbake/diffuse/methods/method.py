@@ -1,0 +1,140 @@
+"""What a diffusion method is: the operations that planning, making and measuring of lobes ask of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import ClassVar, NamedTuple
+
+from skinbake.diffuse.methods.trial import Trial
+from skinbake.diffuse.probes import Probes, read_at_probes
+from skinbake.diffuse.resources import LobeResources, Resource
+from skinbake.diffuse.tiled import Tiles
+from skinbake.numerics import Float
+
+RAISE_SIZE = "raise texture.size, or the tolerance"
+
+
+class LobeParameters(NamedTuple):
+    """How one lobe is made, whatever the method.
+
+    Attributes
+    ----------
+    variance_mm2 : float
+        Of the Gaussian.
+    level : int
+        It is stored at the full size halved this many times.
+    spacing : float
+        Of surface sums: side of the widest cluster, in sigma.
+    threshold : float
+        Of `hybrid`: predicted error of the blur, over a light's mean, from which on sums take its place.
+    """
+
+    variance_mm2: float
+    level: int = 0
+    spacing: float = 0.0
+    threshold: float = 0.0
+
+
+class Proposal(NamedTuple):
+    """One way to make a lobe, for `auto` to weigh.
+
+    Attributes
+    ----------
+    parameters : LobeParameters
+    cost : float
+        Estimated, in the unit of `methods.costs`, without writing the result.
+    read : ndarray of shape (P, 3 L)
+        What would be read at the planning probes.
+    tried : bool
+        False: in `read` surface sums are taken for exact.
+    """
+
+    parameters: LobeParameters
+    cost: float
+    read: Float
+    tried: bool
+
+
+class DiffusionMethod(ABC):
+    """One way to blur light by a Gaussian. It has no state: whatever lobes share is handed to its operations.
+
+    Attributes
+    ----------
+    name : str
+        In `diffusion.method` of a look and in a bake's manifest.
+    bilinear_error : float
+        Bilinear reading of stored texels of side h is wrong by this times (h / sigma)^2, rms.
+    asked_for : bool
+        Whether a look may name it in `diffusion.method`.
+    blurs : bool
+        Whether the lobe is anything else than the light itself.
+    classical : bool
+        Whether it knows the integral that is not divided by the sum of its weights (`diffusion.normalise: false`).
+    exact : bool
+        Whether it is what the others are measured against.
+    through_flesh : bool
+        Whether its lobes carry light through flesh, from one side of an ear to the other.
+    quick : bool
+        Whether a lobe is sooner made again than read from a cache.
+    continuous : bool
+        Whether it has values between the texels that it was made at; without, `at_probes` reads the map.
+    misses_unseen : bool
+        Whether it fails in few places, but there by so much that a plan which no probe there has warned pays a premium.
+    advice : str
+        What to change where the method misses the tolerance.
+    """
+
+    name: ClassVar[str]
+    bilinear_error: ClassVar[float]
+    asked_for: ClassVar[bool] = True
+    blurs: ClassVar[bool] = True
+    classical: ClassVar[bool] = False
+    exact: ClassVar[bool] = False
+    through_flesh: ClassVar[bool] = False
+    quick: ClassVar[bool] = False
+    continuous: ClassVar[bool] = True
+    misses_unseen: ClassVar[bool] = False
+    advice: ClassVar[str] = RAISE_SIZE
+
+    @abstractmethod
+    def map(self, resources: LobeResources, lobe: LobeParameters) -> Tiles:
+        """The lobe at its stored size, (L, h, w, 3) a tile, float32."""
+
+    def at_probes(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
+        """The lobe at probes as the method gives it, before any storage, (P, 3 L).
+
+        Parameters
+        ----------
+        resources : LobeResources
+        lobe : LobeParameters
+        probes : Probes
+        """
+        return self.read_stored(resources, lobe, probes)
+
+    def read_stored(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
+        """What reading the stored map will give at probes, (P, 3 L), for less than the whole map where that is known.
+
+        Parameters
+        ----------
+        resources : LobeResources
+        lobe : LobeParameters
+        probes : Probes
+        """
+        return read_at_probes(self.map(resources, lobe), probes)
+
+    def candidates(self, trial: Trial) -> Iterator[Proposal]:
+        """Ways to make a lobe, for `auto` to choose from, with what each would cost and give at the trial's probes."""
+        yield from ()
+
+    def coarsest_level(self, size: tuple[int, int], level: int) -> int:
+        """The coarsest stored size, `level` at most, that the method can make of textures of a size (H, W)."""
+        return level
+
+    def needs(self, resources: LobeResources, lobe: LobeParameters) -> frozenset[Resource]:
+        """The large resources that making this lobe takes; others may be released before."""
+        return frozenset()
+
+    def memory_bytes_per_texel(self, lights: int) -> float:
+        """Memory of what this method alone holds at a time, bytes a texel of the full size."""
+        return 0.0
