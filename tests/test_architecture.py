@@ -12,6 +12,7 @@ ORDER = [
     "errors",
     "numerics",
     "kernels",
+    "stored_precision",
     "scene",
     "profile",
     "atlas",

@@ -7,7 +7,13 @@ from typing import Any
 from skinbake.io.fingerprint import code_key, key_of
 from skinbake.scene.spec import SceneSpec
 
-READERS = ("io/mesh", "io/image.py", "io/exr.py", "io/half.py")  # a texel may come out otherwise when these change
+READERS = (
+    "io/mesh",
+    "io/image.py",
+    "io/exr.py",
+    "kernels/half.py",
+    "stored_precision.py",
+)  # a texel may come out otherwise when these change
 
 
 def profile_key(spec: SceneSpec, inputs: dict[str, str]) -> str:

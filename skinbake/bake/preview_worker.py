@@ -13,7 +13,7 @@ import numpy as np
 from skinbake import pipeline
 from skinbake.diffuse import DiffuseMap
 from skinbake.io.bake_folder import half_maps
-from skinbake.io.exr import Part, as_stored, rgb_channels, write_parts
+from skinbake.io.exr import Part, rgb_channels, write_parts
 from skinbake.io.lobes import StoredLobe
 from skinbake.io.png import write_png
 from skinbake.irradiance import IrradianceMap
@@ -24,6 +24,7 @@ from skinbake.preview.platform import any_thread
 from skinbake.preview.scene import PreviewLobe, PreviewScene, Texture
 from skinbake.preview.views import View, plan_views, side_by_side, tone_map
 from skinbake.scene.spec import PreviewSpec, SceneSpec
+from skinbake.stored_precision import as_stored
 
 T = TypeVar("T")
 

@@ -17,7 +17,6 @@ from skinbake.bake.folder import FIT_FILES, BakeFolder
 from skinbake.bake.keys import blur_key, profile_key, raster_key
 from skinbake.diffuse import DiffuseMap
 from skinbake.errors import InputError
-from skinbake.io.exr import as_stored
 from skinbake.io.irradiance import read_irradiance, write_irradiance
 from skinbake.io.lobes import as_stored_lobes, write_lobes
 from skinbake.io.manifest import NAME
@@ -25,6 +24,7 @@ from skinbake.io.mesh import write_obj
 from skinbake.io.profile import write_fit
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import GaussianSum, fit_skin
+from skinbake.stored_precision import as_stored
 
 
 class StageRunner(BakeFolder):

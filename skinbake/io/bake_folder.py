@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from skinbake.atlas import FIRST_TILE
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, channel_of, read_parts
-from skinbake.io.half import as_half
 from skinbake.io.image import read_maps
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.lobes import is_transmission
 from skinbake.io.manifest import NAME, read_manifest, spec_of
 from skinbake.io.mesh import read_look_mesh
 from skinbake.io.repaint import repaint
+from skinbake.kernels.half import as_half
 from skinbake.preview.scene import PreviewLobe, PreviewScene
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec

@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write, system_error
+from skinbake.stored_precision import channels_half_holds
 
-HALF_FAINT = (
-    1.0 / 64
-)  # a channel all below this would lose digits to half's subnormals (6e-5) within 8 stops of its top
 # Rec.709 primaries and D65 white, as the chromaticities attribute wants them
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
@@ -105,12 +103,12 @@ def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], preci
     InputError
         A value is NaN or infinite.
     """
-    from skinbake.io.half import as_half
+    from skinbake.kernels.half import as_half
 
     if precision == "half":
         half = as_half(values)
-        keep = _keeps_digits(values, half) if values.ndim == 3 else _keeps_digits(values[..., None], half[..., None])
-        if keep.all():
+        whole = (values, half) if values.ndim == 3 else (values[..., None], half[..., None])
+        if channels_half_holds(*whole).all():
             return {names: half}
         if values.ndim == 3:  # each by itself
             apart = [(name, np.ascontiguousarray(values[..., c])) for c, name in enumerate(names)]
@@ -123,42 +121,6 @@ def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], preci
             f"got {values[row, column, *channel]} at column {column}, row {row}"
         )
     return {names: np.ascontiguousarray(values, dtype=np.float32)}
-
-
-def _keeps_digits(values: NDArray[Any], half: NDArray[np.float16]) -> NDArray[np.bool_]:
-    """Whether each channel of (H, W, C) keeps its three digits in half, shadows included; False with a NaN in it."""
-    # Integers compare fast, and in the order of the magnitudes; the sign is the top bit
-    rows = half.view(np.uint16).reshape(len(half), -1)
-    most = rows.max(axis=0, initial=0)
-    if (most & 0x8000).any():
-        most = np.maximum(most & 0x7FFF, rows.view(np.int16).max(axis=0, initial=0).astype(np.uint16))
-    top = most.reshape(half.shape[1:]).max(axis=0, initial=0).view(np.float16)
-    keeps = (top >= HALF_FAINT) & (top < np.inf)
-    for channel in np.flatnonzero(top == 0):
-        keeps[channel] = not values[..., channel].any()  # or it was too faint for half
-    return keeps
-
-
-def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
-    """Values of shape (..., H, W, C) as a file gives them back: each channel rounded as `write_parts` would.
-
-    Returns
-    -------
-    ndarray of the same shape
-        float16 where every channel is stored as such, else float32; halves as they are.
-    """
-    from skinbake.io.half import as_half
-
-    if precision != "half" or values.dtype == np.float16:
-        return values
-    half = as_half(values)
-    keep = np.array([_keeps_digits(values[i], half[i]) for i in np.ndindex(values.shape[:-3])])
-    if keep.all():
-        return half
-    out = half.astype(np.float32)
-    for *index, channel in np.argwhere(~keep.reshape(*values.shape[:-3], -1)):
-        out[*index, ..., channel] = values[*index, ..., channel]
-    return out
 
 
 def read_parts(path: Path | str, names: Collection[str] | None = None) -> dict[str, Part]:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe, MeasuredError
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, as_stored, read_attributes, rgb_channels, write_parts
+from skinbake.io.exr import Part, read_attributes, rgb_channels, write_parts
 from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
+from skinbake.stored_precision import as_stored
 
 TRANSMISSION = "transmission"  # in files, in the place of a method
 

@@ -10,6 +10,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
+from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.oil_albedo import albedo_at
 from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
 from skinbake.kernels.compile import kernel
@@ -18,7 +19,6 @@ from skinbake.scene.lights import DirectionalLight, LightSpec, PointLight, SpotL
 
 Image = NDArray[np.float32]
 DIRECTIONAL, POINT = 0.0, 1.0
-BUMP_GAIN = 4.0  # reached 14 degrees and nearer to the terminator, where a bump faces the light
 NEAREST_MM = 1e-3  # a point light in the skin itself would be infinitely bright
 
 
@@ -69,17 +69,6 @@ def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, floa
     t = (-(dx * source[4] + dy * source[5] + dz * source[6]) - source[8]) / (source[7] - source[8])
     t = min(max(t, 0.0), 1.0)
     return dx, dy, dz, distance, t * t * (3.0 - 2.0 * t) / (distance * distance)
-
-
-@kernel(inline=True)
-def bump_terminator(cos_mapped: float, cos_smooth: float) -> float:
-    """Factor min(1, BUMP_GAIN cos_smooth / cos_mapped) for a bump that faces a light the skin under it turns away from.
-
-    So bumps fade out at the terminator of the smooth surface instead of being cut off there; theory.md 10.1.
-    """
-    if cos_smooth <= 0.0:
-        return 0.0
-    return min(1.0, BUMP_GAIN * cos_smooth / cos_mapped)
 
 
 @kernel(parallel=True)

@@ -10,9 +10,9 @@ from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
+from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import albedo_at
-from skinbake.irradiance.punctual_light import bump_terminator
 from skinbake.irradiance.refine import refine
 from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
 from skinbake.irradiance.surface import TexelSurface

@@ -19,7 +19,11 @@ from pyrender.renderer import Renderer
 from pyrender.shader_program import ShaderProgramCache
 
 from skinbake.errors import MachineError
+from skinbake.irradiance.bump_terminator import BUMP_GAIN
+from skinbake.irradiance.oil_layer import HALF_SQUARED_MIN, ROUGHNESS_MIN
+from skinbake.irradiance.punctual_light import NEAREST_MM
 from skinbake.numerics import Float
+from skinbake.preview import shader_light
 from skinbake.preview.camera import Camera
 from skinbake.preview.geometry import vertex_buffers
 from skinbake.preview.light_sum import SummedLobes
@@ -32,6 +36,21 @@ from skinbake.scene.lights import LightSpec
 
 SHADERS = Path(__file__).parent / "shaders"
 GBUFFER_ATTACHMENTS = 5
+# What the shader has in common with the bake, as GLSL literals
+CONSTANTS = {
+    name: repr(value)
+    for name, value in (
+        ("BUMP_GAIN", BUMP_GAIN),
+        ("NEAREST_MM", NEAREST_MM),
+        ("ROUGHNESS_MIN", ROUGHNESS_MIN),
+        ("HALF_SQUARED_MIN", HALF_SQUARED_MIN),
+        ("DIRECTIONAL", shader_light.DIRECTIONAL),
+        ("POINT", shader_light.POINT),
+        ("SPOT", shader_light.SPOT),
+        ("FACET", shader_light.FACET),
+        ("ENVIRONMENT", shader_light.ENVIRONMENT),
+    )
+}
 
 
 class SkinRenderer(Renderer):
@@ -206,14 +225,18 @@ class SkinRenderer(Renderer):
             "HAS_ENVIRONMENT": mirrored,
             "NEEDS_OIL_ALBEDO": conserving or mirrored,
         }
-        return {
-            "DECLARE_LOBES": "".join(f"uniform sampler2DArray lobe_{i};\n" for i in lobes),
-            "SUM_OF_LOBES": " + ".join(terms),
-            "N_LOBES": str(len(self.skin.lobes)),
-            "N_LAYERS": str(len(self._layer_gains())),
-            "N_LIGHTS": str(len(self._shader_lights)),
-            "TILE_NUMBER": f"{tile}.0",
-        } | {name: "1" for name, on in switches.items() if on}
+        return (
+            {
+                "DECLARE_LOBES": "".join(f"uniform sampler2DArray lobe_{i};\n" for i in lobes),
+                "SUM_OF_LOBES": " + ".join(terms),
+                "N_LOBES": str(len(self.skin.lobes)),
+                "N_LAYERS": str(len(self._layer_gains())),
+                "N_LIGHTS": str(len(self._shader_lights)),
+                "TILE_NUMBER": f"{tile}.0",
+            }
+            | CONSTANTS
+            | {name: "1" for name, on in switches.items() if on}
+        )
 
     def _bind_lighting(self, scene: Any, program: Any, node: Any, flags: int) -> None:
         skin, mode, gains = self.skin, self.mode, self.gains_rgb

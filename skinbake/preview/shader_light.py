@@ -12,7 +12,7 @@ from skinbake.numerics import Float, normalized
 from skinbake.preview.scene import PreviewScene
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, LightSpec, PointLight, RectangleLight, SpotLight
 
-DIRECTIONAL, POINT, SPOT, FACET, ENVIRONMENT = range(5)  # as in shaders/skin.frag
+DIRECTIONAL, POINT, SPOT, FACET, ENVIRONMENT = range(5)  # kinds, also in the shader
 _UP = (0.0, 1.0, 0.0)
 
 

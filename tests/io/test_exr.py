@@ -5,7 +5,8 @@ import OpenEXR
 import pytest
 
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, as_stored, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.stored_precision import as_stored
 
 RNG = np.random.default_rng(7)
 IMAGE = RNG.random((37, 53, 3), dtype=np.float32)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.oil_albedo import specular_albedo
 from skinbake.irradiance.oil_layer import kelemen_brdf
 from skinbake.numerics import normalized, safe_div
@@ -19,6 +20,14 @@ def bilinear(image, uv):
     fx, fy = (x - x0)[:, None], (y - y0)[:, None]
     top = image[y0, x0] * (1 - fx) + image[y0, x1] * fx
     return top * (1 - fy) + (image[y1, x0] * (1 - fx) + image[y1, x1] * fx) * fy
+
+
+def softened(cos_mapped, cos_smooth):
+    """Factor of the bake's own kernel, point by point; 1 where the mapped normal turns away and nothing is left."""
+    factor = np.ones(cos_mapped.shape)
+    for i in np.flatnonzero(cos_mapped > 0):
+        factor[i] = bump_terminator(cos_mapped[i], cos_smooth[i])
+    return factor
 
 
 def shade(scene, geometry, camera, mode, gains):
@@ -78,9 +87,7 @@ def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
                 cos = (n * to_light).sum(1)
                 soft = 1.0
                 if tile in maps.normal:
-                    cos_smooth = (smooth * to_light).sum(1)
-                    g = cos_smooth / np.maximum(cos * np.maximum((smooth * n).sum(1), 1e-6), 1e-12)
-                    soft = np.where(cos_smooth <= 0, 0, np.where(g >= 1, 1, g * (1 + g * (1 - g))))
+                    soft = softened(cos, (smooth * to_light).sum(1))
                 f = kelemen_brdf(n, to_light, v, np.clip(m, 1e-4, 1), spec.f0, rho_s)
                 color += gains[i] * arriving * (f * np.maximum(cos, 0) * seen * soft)[:, None]
     return color

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from skinbake.errors import InputError, MachineError
+from skinbake.irradiance.bump_terminator import bump_terminator
+from skinbake.irradiance.oil_layer import kelemen_brdf
+from skinbake.numerics import normalized
 from skinbake.preview.camera import view
 from skinbake.preview.draw import OffscreenRenderer, draw
 from skinbake.preview.mode import Mode
@@ -187,6 +190,36 @@ def test_a_lambertian_quad_gives_back_its_exitance_over_pi(renderer):
     )
     rgba = draw(plain, view(plain.mesh, "front", 1.0), (21, 21), Mode("diffuse")).rgba
     np.testing.assert_allclose(rgba[10, 10], [0.25 / np.pi, 0.5 / np.pi, 1 / np.pi, 1.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("elevation_deg", [60.0, 20.0, 8.0, 3.0, 0.5, -2.0])
+def test_bumps_fade_out_at_the_terminator_as_the_bake_s_do(renderer, elevation_deg):
+    """A tilted normal map under a light that sinks below the skin: the kernel's factor, and none while it is high."""
+    tilt, elevation = np.radians(30.0), np.radians(elevation_deg)
+    to_light = np.array([np.cos(elevation), 0.0, np.sin(elevation)])
+    mapped = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    sun = DirectionalLight(name="sun", type="directional", direction=tuple(-to_light), irradiance=(1.0,) * 3)
+    one = {1001: np.ones((1, 3, 5, 3), np.float32)}
+    bumped = replace(
+        scene(with_maps=False),
+        mesh=quad(60.0, 60.0),
+        lights=(sun,),
+        lobes=(PreviewLobe(one, (1.0, 1.0, 1.0), 0.0),),
+        irradiance=one,
+        visibility={1001: np.ones((1, 3, 5), np.float32)},
+        maps=SkinMaps(normal={1001: np.broadcast_to(mapped, (2, 2, 3)).astype(np.float32)}),
+        energy_conservation=False,
+    )
+    camera = view(bumped.mesh, "front", 1.0)
+    image = draw(bumped, camera, (21, 21), Mode("specular"), supersample=1, geometry=True)
+    cos_mapped = float(mapped @ to_light)
+    kept = bump_terminator(cos_mapped, float(to_light[2]))
+    assert (kept == 1) == (elevation_deg > 15)
+    assert (kept == 0) == (elevation_deg < 0)
+    to_view = normalized(camera.position_mm - image.geometry.position_mm[10, 10])
+    spec = bumped.specular
+    f = kelemen_brdf(mapped, to_light, to_view, spec.roughness, spec.f0, spec.strength)
+    np.testing.assert_allclose(image.rgba[10, 10, :3], f * cos_mapped * kept, rtol=2e-4, atol=1e-9)
 
 
 def test_a_lobe_of_the_wrong_shape_is_refused():

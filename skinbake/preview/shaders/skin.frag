@@ -1,11 +1,8 @@
 #version 330 core
 // Adds up what the bake left and shades the oil layer; nothing is blurred here. The words in capitals that no #define
-// explains are written in by skinbake/preview/renderer.py, which knows how many lobes and lights there are.
+// explains are written in by skinbake/preview/renderer.py: constants of the bake, and how many lobes and lights there are.
 
 const float PI = 3.14159265358979;
-const float ROUGHNESS_MIN = 1e-4;
-const float HALF_SQUARED_MIN = 1e-6;
-const int DIRECTIONAL = 0, POINT = 1, SPOT = 2, FACET = 3, ENVIRONMENT = 4;
 
 in vec3 frag_position;
 in vec3 frag_normal;
@@ -63,13 +60,10 @@ vec3 shading_normal(vec3 n)
     return n;
 }
 
-// Takes light off mapped normals that face a light which the skin under them turns away from [Chiang2019]
-float bump_terminator(float cos_mapped, float cos_smooth, float cos_between)
+// As skinbake/irradiance/bump_terminator.py, theory.md 10.1; cos_mapped is above 0
+float bump_terminator(float cos_mapped, float cos_smooth)
 {
-    if (cos_smooth <= 0.0)
-        return 0.0;
-    float g = cos_smooth / max(cos_mapped * max(cos_between, 1e-6), 1e-12);
-    return g >= 1.0 ? 1.0 : g * (1.0 + g * (1.0 - g));
+    return cos_smooth <= 0.0 ? 0.0 : min(1.0, BUMP_GAIN * cos_smooth / cos_mapped);
 }
 
 // A(c, m) for rho_s = 1, theory.md 6.4
@@ -105,7 +99,7 @@ vec3 to_light(int i, out vec3 arriving)
     if (light_kind[i] == DIRECTIONAL)
         return light_at[i];
     vec3 way = light_at[i] - frag_position;
-    float distance_squared = max(dot(way, way), 1e-6);
+    float distance_squared = max(dot(way, way), NEAREST_MM * NEAREST_MM);
     vec3 l = way * inversesqrt(distance_squared);
     arriving /= distance_squared;
     float c = -dot(l, light_axis[i]);
@@ -166,7 +160,7 @@ void main()
         if (n_dot_l > 0.0) {
             float seen = texture(visibility, vec3(frag_uv, light_layer[i])).r;
 #ifdef HAS_NORMAL_MAP
-            seen *= bump_terminator(n_dot_l, dot(smooth_normal, l), dot(smooth_normal, n));
+            seen *= bump_terminator(n_dot_l, dot(smooth_normal, l));
 #endif
             color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, m));
         }

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skinbake.io.half import as_half
+from skinbake.kernels.half import as_half
 
 HALVES = np.arange(0x7C00, dtype=np.uint16).view(np.float16).astype(np.float32)  # every finite one above or equal 0
 
