@@ -58,9 +58,11 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
     """
     from dataclasses import asdict
 
+    import numpy as np
+
     from skinbake.atlas import tiles_of
     from skinbake.atlas.report import report_picture, uv_report
-    from skinbake.io.mesh import part_table
+    from skinbake.io.mesh import guess_orientation, part_table
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.pipeline import atlas_of, refuse_too_large
@@ -77,9 +79,16 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         name: [list(image.shape[1::-1]) for image in getattr(scene.maps, name).values()]
         for name in ("albedo", "normal", "roughness", "specular")
     }
+    orientation = guess_orientation(scene.mesh)
     report = {
         "mesh": {
             "path": spec.mesh.path,
+            "box_mm": [
+                [round(float(x), 2) for x in side(scene.mesh.positions_mm, axis=0)] for side in (np.min, np.max)
+            ],
+            "lateral": orientation.lateral,
+            "crown": orientation.crown,
+            "face": orientation.face,
             "extent_mm": [round(x, 2) for x in uv.extent_mm],
             "area_mm2": round(uv.area_mm2, 1),
             "triangles": uv.triangles,
@@ -105,7 +114,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         ],
         "parts": [asdict(row) for row in part_table(spec)],
         "hidden_parts": [list(pair) for pair in uv.hidden_parts],
-        "notes": list(scene.mesh.notes),
+        "notes": [*scene.mesh.notes, *filter(None, [orientation.advice])],
         "maps": sizes,
         "expected": expected(spec, uv, len(atlas), gaussians.variance_mm2.tolist()),
     }
@@ -183,6 +192,7 @@ def readable(report: dict[str, Any]) -> str:
     lines = [
         f"mesh      {' x '.join(f'{x:.0f}' for x in mesh['extent_mm'])} mm, {mesh['area_mm2'] / 100:.0f} cm2,"
         f" {mesh['triangles']} triangles, {mesh['open_edges']} open edges",
+        f"box       {_box(mesh)}",
         f"texture   {uv['size'][0]} x {uv['size'][1]}, tiles {', '.join(map(str, uv['tiles']))},"
         f" {uv['coverage']:.1%} covered",
         f"texel     {middle:.3f} mm (5 % below {low:.3f}, 5 % above {high:.3f}), 95 % stretch {uv['stretch_95']:.2f}",
@@ -215,3 +225,12 @@ def _part(part: dict[str, Any]) -> str:
     uvs = f"UVs {box[0]:.2f} {box[1]:.2f} to {box[2]:.2f} {box[3]:.2f}" if box else "no UVs"
     size = " x ".join(f"{x:.0f}" for x in part["extent_mm"])
     return f"{part['role']:<6} {part['name']}: {part['triangles']} triangles, {size} mm, {uvs}"
+
+
+def _box(mesh: dict[str, Any]) -> str:
+    """Where the mesh lies and how it seems to be turned."""
+    low, high = mesh["box_mm"]
+    ranges = ", ".join(f"{axis} {a:.0f} .. {b:.0f}" for axis, a, b in zip("xyz", low, high, strict=True))
+    centre = ", ".join(f"{(a + b) / 2:.0f}" for a, b in zip(low, high, strict=True))
+    seen = [f"{name} along {mesh[name]}" for name in ("crown", "face") if mesh[name]]
+    return f"{ranges} mm, centre {centre}" + (f"; {', '.join(seen)}" if seen else "")

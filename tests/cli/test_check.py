@@ -51,7 +51,15 @@ def test_the_text_names_all_of_it(tmp_path, capsys):
     """Without --json: a line for mesh, texture, texels, charts, lobes and cost."""
     assert run(["check", look(tmp_path, sphere(100.0, "cube", 16))]) == 0
     out = capsys.readouterr().out
-    assert [line.split()[0] for line in out.splitlines()] == ["mesh", "texture", "texel", "charts", "lobes", "expected"]
+    assert [line.split()[0] for line in out.splitlines()] == [
+        "mesh",
+        "box",
+        "texture",
+        "texel",
+        "charts",
+        "lobes",
+        "expected",
+    ]
 
 
 def test_a_texture_that_no_machine_holds_is_refused_before_it_is_rasterised(tmp_path, capsys, monkeypatch):

@@ -63,7 +63,8 @@ def read_mesh(
         is not as large as a head.
     """
     path = Path(path)
-    raw = placed(path, read_raw(path, uv_set), mm_per_unit, up, front)
+    raw = read_raw(path, uv_set)
+    own_mm_per_unit, raw = raw.mm_per_unit, placed(path, raw, mm_per_unit, up, front)
     roles = choose_parts(path, raw, skin, cast, ignore, uvs_needed=unwrap == "none" and not without_uvs)
     everything = bool(roles.skin.all())
 
@@ -73,7 +74,7 @@ def read_mesh(
 
     positions, faces = _weld(raw.positions, chosen(raw.faces))
     if not any_size:
-        refuse_wrong_size(path, positions, raw.mm_per_unit or 1.0)
+        refuse_wrong_size(path, positions, raw.mm_per_unit or 1.0, own_mm_per_unit)
     corner_uv, has_uv = chosen(raw.corner_uv), chosen(raw.has_uv)
     bad = np.flatnonzero(~np.isfinite(corner_uv).all(axis=(1, 2)))
     if len(bad):

@@ -9,6 +9,7 @@ import trimesh
 from skinbake.atlas import signed_uv_area
 from skinbake.errors import InputError
 from skinbake.io.mesh import read_mesh, unwrap_mesh, write_obj
+from tests.gltf_files import plain
 from tests.shapes import quad, sphere
 
 TENT = """# two quads that share the edge 2 3 in space; its UVs and normals differ on either side
@@ -242,6 +243,31 @@ def test_a_head_of_the_wrong_unit_is_refused_with_the_right_one(tmp_path, factor
     with pytest.raises(InputError, match=fix):
         read_mesh(tmp_path / "head.obj", 1.0)
     read_mesh(tmp_path / "head.obj", 1.0, any_size=True)
+
+
+@pytest.mark.parametrize(
+    ("size", "mm_per_unit", "said"),
+    [
+        (1.75, 1000.0, "size of a whole body in metres: set mesh.any_size: true"),
+        (175.0, 10.0, "size of a whole body in centimetres: set mesh.any_size: true"),
+        (1.75, 1.0, "set mesh.unit: dm (175 mm), or mesh.unit: m and mesh.any_size: true for a whole body (1750 mm)"),
+    ],
+)
+def test_a_whole_body_is_told_from_a_wrong_unit(tmp_path, size, mm_per_unit, said):
+    """A body in its right unit is offered any_size and no other unit."""
+    write_obj(tmp_path / "body.obj", quad(size, size / 2))
+    with pytest.raises(InputError) as failure:
+        read_mesh(tmp_path / "body.obj", mm_per_unit)
+    assert said in str(failure.value)
+    assert ("mesh.unit" in str(failure.value)) == (mm_per_unit == 1.0)
+
+
+def test_a_gltf_in_another_unit_is_told_its_own(tmp_path):
+    """glTF is in metres: 0.24 of it are a head, whatever the look says."""
+    (tmp_path / "head.glb").write_bytes(plain(quad(0.24, 0.2))[0].glb())
+    with pytest.raises(InputError, match=r"own unit makes it 240: set mesh\.unit: file, or"):
+        read_mesh(tmp_path / "head.glb", 10.0)
+    assert np.ptp(read_mesh(tmp_path / "head.glb", None).positions_mm[:, 0]) == pytest.approx(240)
 
 
 def test_truncated_binary_is_refused(tmp_path):
