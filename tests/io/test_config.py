@@ -73,13 +73,13 @@ def test_overrides_reach_into_lists_by_index_and_by_name(look):
     ("before", "after", "message"),
     [
         ("unit: mm", "unti: mm", "look.yaml:1: mesh.unti: unknown key; did you mean unit?"),
-        ("unit: mm", "unit: yard", "look.yaml:1: mesh.unit: expected 'mm', 'cm', 'dm', 'm', 'inch' or 'file', got 'yard'"),
+        ("unit: mm", "unit: yard", "unit: expected 'mm', 'cm', 'dm', 'm', 'inch' or 'file', got 'yard'"),
         ("[0, 0, -1]", "[0, 0, 0]", "look.yaml:7: lights[0].direction: expected a direction that is not zero"),
         ("skin:", "skn: 1\nskin:", "look.yaml:2: skn: unknown key; did you mean skin?"),
         (
             "skin:",
             "foo: 1\nskin:",
-            "look.yaml:2: foo: unknown key; expected one of mesh, maps, texture, skin, lights, ",
+            "look.yaml:2: foo: unknown key; expected one of mesh, occluders, maps, texture, skin, ",
         ),
         ("unit: mm", "unit: mm, size: 3", "look.yaml:1: mesh.size: does not belong here; expected one of path, unit, "),
         (
@@ -212,7 +212,7 @@ def test_a_file_with_nothing_but_a_skin_will_do_where_only_skin_is_needed(look):
     ("text", "override", "message"),
     [
         (LOOK, "skn.fit.gaussians=3", "--set skn.fit.gaussians: skn: unknown key; did you mean skin?"),
-        ("foo: 3\n" + LOOK, "shadows=false", "look.yaml:1: foo: unknown key; expected one of mesh, maps, "),
+        ("foo: 3\n" + LOOK, "shadows=false", "look.yaml:1: foo: unknown key; expected one of mesh, occluders, maps, "),
         (LOOK.replace("skin:", "skn:"), "shadows=false", "look.yaml:2: skn: unknown key; did you mean skin?"),
         (LOOK.replace("unit:", "unti:"), "shadows=false", "look.yaml:1: mesh.unti: unknown key; did you mean unit?"),
         (
