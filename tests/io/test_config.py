@@ -73,7 +73,7 @@ def test_overrides_reach_into_lists_by_index_and_by_name(look):
     ("before", "after", "message"),
     [
         ("unit: mm", "unti: mm", "look.yaml:1: mesh.unti: unknown key; did you mean unit?"),
-        ("unit: mm", "unit: yard", "unit: expected 'mm', 'cm', 'dm', 'm', 'inch' or 'file', got 'yard'"),
+        ("unit: mm", "unit: yard", "look.yaml:1: mesh.unit: expected 'mm', 'cm', 'dm', 'm', 'inch' or 'file'"),
         ("[0, 0, -1]", "[0, 0, 0]", "look.yaml:7: lights[0].direction: expected a direction that is not zero"),
         ("skin:", "skn: 1\nskin:", "look.yaml:2: skn: unknown key; did you mean skin?"),
         (
