@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 
 LEVELS = 6  # blocks of up to 64 x 64 texels
 MIN_ALIGNMENT = 0.8  # |mean of unit normals| below this: the block bends too much to be one cluster
@@ -60,9 +60,11 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> Momen
         (moments[a:b].reshape(*size, -1), means[a:b].reshape(*size, -1))
         for a, b, size in zip(start[:-1], start[1:], sizes, strict=True)
     ]
-    _first_level(points.row, points.position, points.normal, points.area_mm2, radiosity, *views[0])
+    parallel_for(
+        _first_level, sizes[0][0], points.row, points.position, points.normal, points.area_mm2, radiosity, *views[0]
+    )
     for fine, coarse in pairwise(views):
-        _next_level(*fine, *coarse)
+        parallel_for(_next_level, len(coarse[0]), *fine, *coarse)
     return MomentPyramid(moments, means, start[:-1], np.array([w for _, w in sizes]))
 
 
@@ -80,16 +82,16 @@ def contrast(points: TexelPoints, pyramid: MomentPyramid) -> NDArray[np.float32]
     Found for blocks of 2 x 2 texels, which is as fine as it need be.
     """
     blocks = np.empty(pyramid.start[1], np.float32)
-    _contrast(pyramid.moments, pyramid.radiosity, pyramid.start, pyramid.width, blocks)
+    parallel_for(_contrast, len(blocks), pyramid.moments, pyramid.radiosity, pyramid.start, pyramid.width, blocks)
     changes = np.empty(len(points.flat_index), np.float32)
-    _of_texels(points.flat_index, points.row.shape[1], blocks, pyramid.width[0], changes)
+    parallel_for(_of_texels, len(changes), points.flat_index, points.row.shape[1], blocks, pyramid.width[0], changes)
     return changes
 
 
-@kernel(parallel=True)
-def _contrast(moments, radiosity, start, width, changes):  # type: ignore[no-untyped-def]
+@kernel
+def _contrast(first, stop, moments, radiosity, start, width, changes):  # type: ignore[no-untyped-def]
     faint = np.float32(1e-12)
-    for k in prange(len(changes)):
+    for k in range(first, stop):
         changes[k] = 0
         if moments[k, 0] <= 0:
             continue
@@ -108,9 +110,9 @@ def _contrast(moments, radiosity, start, width, changes):  # type: ignore[no-unt
         changes[k] = change + (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
 
 
-@kernel(parallel=True)
-def _of_texels(flat_index, columns, blocks, width, changes):  # type: ignore[no-untyped-def]
-    for k in prange(len(changes)):
+@kernel
+def _of_texels(first, stop, flat_index, columns, blocks, width, changes):  # type: ignore[no-untyped-def]
+    for k in range(first, stop):
         row, col = flat_index[k] // columns, flat_index[k] % columns
         changes[k] = blocks[(row >> 1) * width + (col >> 1)]
 
@@ -127,30 +129,31 @@ def bending(pyramid: MomentPyramid) -> NDArray[np.float32]:
     bend = np.zeros((len(pyramid.moments), pyramid.radiosity.shape[1] // 3), np.float32)
     stop = np.append(pyramid.start[1:], len(bend))
     for start, end, width in zip(pyramid.start, stop, pyramid.width, strict=True):
-        _bending(pyramid.moments[start:end, 0], pyramid.radiosity[start:end], width, bend[start:end])
+        area, light = pyramid.moments[start:end, 0], pyramid.radiosity[start:end]
+        parallel_for(_bending, len(area), area, light, width, bend[start:end])
     return bend
 
 
-@kernel(parallel=True)
-def _bending(area, light, width, bend):  # type: ignore[no-untyped-def]
-    for k in prange(len(area)):
+@kernel
+def _bending(first, stop, area, light, width, bend):  # type: ignore[no-untyped-def]
+    for k in range(first, stop):
         if area[k] <= 0:
             continue
-        for step, first, last in (
+        for step, at_first, at_last in (
             (1, k % width == 0, k % width == width - 1),
             (width, k < width, k + width >= len(area)),
         ):
-            if first or last or area[k - step] <= 0 or area[k + step] <= 0:
+            if at_first or at_last or area[k - step] <= 0 or area[k + step] <= 0:
                 continue
             for c in range(light.shape[1]):
                 middle = np.float32(0.5) * (light[k - step, c] + light[k + step, c])
                 bend[k, c // 3] = max(bend[k, c // 3], abs(light[k, c] - middle))
 
 
-@kernel(parallel=True)
-def _first_level(row_of, position, normal, area, radiosity, out, mean):  # type: ignore[no-untyped-def]
+@kernel
+def _first_level(first, stop, row_of, position, normal, area, radiosity, out, mean):  # type: ignore[no-untyped-def]
     height, width = row_of.shape
-    for i in prange(out.shape[0]):
+    for i in range(first, stop):
         for j in range(out.shape[1]):
             total = np.float32(0)
             for r in range(2 * i, min(2 * i + 2, height)):
@@ -179,10 +182,10 @@ def _first_level(row_of, position, normal, area, radiosity, out, mean):  # type:
             out[i, j, 4] = spread / total * np.float32(0.5)
 
 
-@kernel(parallel=True)
-def _next_level(fine, fine_mean, out, mean):  # type: ignore[no-untyped-def]
+@kernel
+def _next_level(first, stop, fine, fine_mean, out, mean):  # type: ignore[no-untyped-def]
     height, width = fine.shape[:2]
-    for i in prange(out.shape[0]):
+    for i in range(first, stop):
         for j in range(out.shape[1]):
             total = np.float32(0)
             for r in range(2 * i, min(2 * i + 2, height)):

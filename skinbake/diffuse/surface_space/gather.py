@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_variance
@@ -43,6 +42,7 @@ from skinbake.kernels.simd import (
     store,
     sum_of_lanes,
 )
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import even_stride
 
 CUT_ERROR = 0.1  # measured: normalised sums cut at k sigma are wrong by this exp(-k^2 / 2), rms of hard-lit skin
@@ -109,7 +109,8 @@ def gather(
     """
     strips = -(-points.row.shape[0] // _TILE)
     density = 0.0 if rule.normalise else 1 / (2 * np.pi * variance_mm2)
-    _gather(
+    parallel_for(
+        _gather, strips,
         strips, even_stride(strips), points.row, points.flat_index, points.position, points.normal, points.texel_mm2,
         tree.leaf, tree.box, tree.first_group, variance_mm2, lattice_table(), np.float32(rule.cut),
         rule.separate, np.float32(_TINY * (tree.largest or 1.0)), np.float32(density), first_light,
@@ -117,14 +118,14 @@ def gather(
     )  # fmt: skip
 
 
-@kernel(parallel=True)
+@kernel
 def _gather(  # type: ignore[no-untyped-def]
-    strips, stride, row_of, flat_index, position, normal, texel_mm2, leaf, box, first_group,
+    first, stop, strips, stride, row_of, flat_index, position, normal, texel_mm2, leaf, box, first_group,
     variance_mm2, table, cut, separate, faint, density, first_light, share, out,
 ):  # fmt: skip
     height, width = row_of.shape
     leaves, boxes = leaf.reshape(-1), box.reshape(-1)
-    for strip in prange(strips):
+    for strip in range(first, stop):
         lanes = np.empty((_SUMS + 1 + 3 * len(out)) * LANES, np.float32)
         low, high = np.empty(3, np.float32), np.empty(3, np.float32)
         stack, found = np.empty(STACK, np.int64), np.empty(len(leaf), np.int64)
@@ -140,9 +141,9 @@ def _gather(  # type: ignore[no-untyped-def]
                 continue
             for row in range(top, min(top + _TILE, height), _SQUARE):
                 for col in range(tile, min(tile + _TILE, width), _SQUARE):
-                    first, count = 0, _members_of(row_of, share, row, col, members)
-                    while first < count:
-                        first = _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, batch)
+                    taken, count = 0, _members_of(row_of, share, row, col, members)
+                    while taken < count:
+                        taken = _take_near(members, taken, count, position, texel_mm2, variance_mm2, cut, batch)
                         stack[:begins] = begin[:begins]
                         _gather_batch(
                             batch, flat_index, position, normal, texel_mm2, leaves, leaf.shape[1] * LANES, boxes,

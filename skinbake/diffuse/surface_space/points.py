@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, signed_uv_area, tile_origin
 from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -58,7 +58,8 @@ def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> Texel
     position, normal = np.empty((count, 3), dtype=np.float32), np.empty((count, 3), dtype=np.float32)
     area, texel_mm2 = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     widest = np.zeros(height, dtype=np.float32)  # texel of each row that has skin
-    _points(
+    parallel_for(
+        _points, height,
         raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage,
         mesh.corner_position_mm - centre_mm, mesh.corner_normal, shorter_mm2, np.cumsum(per_row) - per_row,
         row, flat, position, normal, area, texel_mm2, widest,
@@ -84,7 +85,8 @@ def extended_points(points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, ce
     corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
     corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
     position = points.position.copy()
-    _extend(
+    parallel_for(
+        _extend, len(position),
         points.flat_index, raster.face_index, raster.barycentric, raster.coverage, corner_xy,
         mesh.corner_position_mm - centre_mm, _face_texel_mm2(raster, mesh), MAX_BEYOND_TEXELS, position,
     )  # fmt: skip
@@ -109,13 +111,13 @@ def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
     return 0.5 * (e + h - np.hypot(e - h, 2 * f))
 
 
-@kernel(parallel=True)
+@kernel
 def _points(  # type: ignore[no-untyped-def]
-    face_index, barycentric, area_mm2, coverage, corner_mm, corner_normal, shorter_mm2, start, row_out, flat, position,
-    normal, area, texel_mm2, widest,
+    first, stop, face_index, barycentric, area_mm2, coverage, corner_mm, corner_normal, shorter_mm2, start, row_out,
+    flat, position, normal, area, texel_mm2, widest,
 ):  # fmt: skip
-    height, width = face_index.shape
-    for row in prange(height):
+    width = face_index.shape[1]
+    for row in range(first, stop):
         n = start[row]
         for col in range(width):
             f = face_index[row, col]
@@ -145,10 +147,12 @@ def _points(  # type: ignore[no-untyped-def]
             n += 1
 
 
-@kernel(parallel=True)
-def _extend(flat_index, face_index, barycentric, coverage, corner_xy, corner_mm, face_mm2, beyond, position):  # type: ignore[no-untyped-def]
+@kernel
+def _extend(  # type: ignore[no-untyped-def]
+    first, stop, flat_index, face_index, barycentric, coverage, corner_xy, corner_mm, face_mm2, beyond, position
+):
     width = face_index.shape[1]
-    for n in prange(len(flat_index)):
+    for n in range(first, stop):
         row, col = flat_index[n] // width, flat_index[n] % width
         if coverage[row, col] >= 1:
             continue

@@ -8,7 +8,6 @@ what is being approximated, and the tree of texels, which only finds neighbours.
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_variance
@@ -25,6 +24,7 @@ from skinbake.diffuse.surface_space.sources import (
 )
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, lowest_bit, prefetch
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, even_stride
 
 CUT_SIGMA = 6.0
@@ -66,7 +66,8 @@ def reference_integral(
         raise ValueError(f"reference_integral: expected a variance > 0, got {variance_mm2}")
     out = np.zeros((len(position), texels.leaf.shape[1] - LIGHT))
     order = _spatial_order(position)
-    _integrate(
+    parallel_for(
+        _integrate, len(order),
         order, position, normal, at_texel_mm2, float(variance_mm2), lattice_table(), CUT_SIGMA, texels.leaf,
         texels.box, texels.first_group, separate, normalise, out,
     )  # fmt: skip
@@ -89,12 +90,13 @@ def _spatial_order(position: NDArray[np.float32]) -> NDArray[np.int64]:
     return np.concatenate([order[start : start + _PIECE] for start in turns]) if pieces else order
 
 
-@kernel(parallel=True)
+@kernel
 def _integrate(  # type: ignore[no-untyped-def]
-    order, position, normal, at_texel_mm2, variance_mm2, table, cut, leaf, box, first_group, separate, normalise, out
-):
+    first, stop, order, position, normal, at_texel_mm2, variance_mm2, table, cut, leaf, box, first_group, separate,
+    normalise, out,
+):  # fmt: skip
     boxes = box.reshape(-1)
-    for n in prange(len(order)):
+    for n in range(first, stop):
         p = order[n]
         stack, found = np.empty(STACK, np.int64), np.empty(len(leaf), np.int64)
         weight, sums, at = np.empty((_LEAVES, LANES)), np.zeros((1 + out.shape[1], LANES)), position[p]

@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.clusters import LEVELS, is_cluster
@@ -21,6 +20,7 @@ from skinbake.diffuse.surface_space.surface_light import LitTile
 from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, bits_below, load, lowest_bit, mul_add
+from skinbake.kernels.threads import parallel_for
 
 NORMAL, NARROWING, AMPLITUDE, LIGHT = 3, 6, 7, 8  # rows of a leaf; x y z come first
 STACK = 16 * LANES  # of `near_boxes`: a tree of any size needs half of it, the groups to begin from may take the rest
@@ -78,7 +78,8 @@ def source_tree(
         rows, cols = _roots(points.row.shape)
         order = np.empty((len(rows), 4**LEVELS), np.int32)
         count = np.empty((len(rows), 2), np.int64)
-        _walk(
+        parallel_for(
+            _walk, len(rows),
             rows, cols, points.row, points.position, points.area_mm2, pyramid.moments, pyramid.start, pyramid.width,
             np.float32(max_spread_mm2), order, count,
         )  # fmt: skip
@@ -89,7 +90,8 @@ def source_tree(
     done = 0
     for points, light, pyramid, order, count in walks:
         begin = (total[done : done + len(count)] - count)[:, 1]
-        _write(
+        parallel_for(
+            _write, len(order),
             order, begin, count[:, 0], points.flat_index, points.position, points.normal, points.area_mm2, light,
             pyramid.moments, pyramid.radiosity, np.float32(variance_mm2), leaf, box,
         )  # fmt: skip
@@ -97,7 +99,7 @@ def source_tree(
     levels = [box]
     while len(levels[-1]) > 1:
         levels.append(_no_boxes(len(levels[-1])))
-        _enclose(levels[-2], levels[-1])
+        parallel_for(_enclose, len(levels[-2]), levels[-2], levels[-1])
     first = np.cumsum([0, *(len(level) for level in levels[:-1])])
     largest = float(leaf[:, AMPLITUDE].max(initial=0))
     return SourceTree(leaf, sources, largest, np.concatenate(levels), first)
@@ -123,19 +125,21 @@ def _no_boxes(count: int) -> NDArray[np.float32]:
     return box
 
 
-@kernel(parallel=True)
-def _enclose(child, parent):  # type: ignore[no-untyped-def]
-    for k in prange(len(child)):
+@kernel
+def _enclose(first, stop, child, parent):  # type: ignore[no-untyped-def]
+    for k in range(first, stop):
         for axis in range(3):
             parent[k // LANES, axis, k % LANES] = child[k, axis].min()
             parent[k // LANES, 3 + axis, k % LANES] = child[k, 3 + axis].max()
 
 
-@kernel(parallel=True)
-def _walk(rows, cols, row_of, position, area, moments, start, width, max_spread, order, count):  # type: ignore[no-untyped-def]
+@kernel
+def _walk(  # type: ignore[no-untyped-def]
+    first, stop, rows, cols, row_of, position, area, moments, start, width, max_spread, order, count
+):
     """Each root block's sources in Morton order: 2 k for texel k, 2 b + 1 for block b, as ~ where a leaf begins."""
     height, columns = row_of.shape
-    for root in prange(len(rows)):
+    for root in range(first, stop):
         sources, leaves, lane = 0, 0, 0
         x, y, z, before = _ZERO, _ZERO, _ZERO, _ZERO  # of the source before, and its area
         here = 0
@@ -175,11 +179,11 @@ def _walk(rows, cols, row_of, position, area, moments, start, width, max_spread,
         count[root, 0], count[root, 1] = sources, leaves
 
 
-@kernel(parallel=True)
+@kernel
 def _write(  # type: ignore[no-untyped-def]
-    order, begin, count, flat_index, position, normal, area, light, moments, mean, variance, leaf, box,
+    first, stop, order, begin, count, flat_index, position, normal, area, light, moments, mean, variance, leaf, box,
 ):  # fmt: skip
-    for root in prange(len(order)):
+    for root in range(first, stop):
         k, lane = begin[root] - 1, LANES
         for i in range(count[root]):
             what = order[root, i]

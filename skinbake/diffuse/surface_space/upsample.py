@@ -10,11 +10,11 @@ stretch all fail that test; what fails is summed directly.
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 
 MAX_GAP = 1.1  # of sigma, between the texels interpolated, however loose the tolerance
 EDGE_ERROR = 0.0047  # see above
@@ -50,9 +50,19 @@ def least_sigma(coarse: TexelPoints, fine: TexelPoints, gap: float = MAX_GAP) ->
     position = np.zeros((height * width, 3), np.float32)
     position[coarse.flat_index] = coarse.position
     widest = np.empty((height, width), np.float32)
-    _widest_step(coarse.row, position, widest)
+    parallel_for(_widest_step, height, coarse.row, position, widest)
     sigma = np.empty(fine.row.shape, np.float32)
-    _least_sigma(position, widest, fine.row, fine.position, np.float32(gap), np.float32(MAX_MISS), sigma)
+    parallel_for(
+        _least_sigma,
+        2 * height,
+        position,
+        widest,
+        fine.row,
+        fine.position,
+        np.float32(gap),
+        np.float32(MAX_MISS),
+        sigma,
+    )
     return sigma
 
 
@@ -84,15 +94,15 @@ def interpolate_smooth(
         `row` where a texel is still to be evaluated, -1 elsewhere.
     """
     left = row.copy()
-    _interpolate(coarse, least_sigma_mm, np.float32(sigma_mm), out, left)
+    parallel_for(_interpolate, len(left), coarse, least_sigma_mm, np.float32(sigma_mm), out, left)
     return left
 
 
-@kernel(parallel=True)
-def _widest_step(row_of, position, widest):  # type: ignore[no-untyped-def]
+@kernel
+def _widest_step(first, stop, row_of, position, widest):  # type: ignore[no-untyped-def]
     """Longest step between neighbours of the 4 x 4 texels from (y, x) on, squared; infinite where one is empty."""
     height, width = widest.shape
-    for y in prange(height):
+    for y in range(first, stop):
         for x in range(width):
             most = np.float32(0)
             if y + 3 >= height or x + 3 >= width:
@@ -110,10 +120,10 @@ def _widest_step(row_of, position, widest):  # type: ignore[no-untyped-def]
             widest[y, x] = most
 
 
-@kernel(parallel=True)
-def _least_sigma(coarse, widest, row_of, position, gap, miss, sigma):  # type: ignore[no-untyped-def]
+@kernel
+def _least_sigma(first, stop, coarse, widest, row_of, position, gap, miss, sigma):  # type: ignore[no-untyped-def]
     height, width = widest.shape
-    for r in prange(sigma.shape[0]):
+    for r in range(first, stop):
         line = np.empty((width, 3), np.float32)
         y0 = _first_of(r)
         inside = y0 >= 0 and y0 + 3 < height
@@ -132,10 +142,10 @@ def _least_sigma(coarse, widest, row_of, position, gap, miss, sigma):  # type: i
             sigma[r, c] = max(np.sqrt(widest[y0, x0]) / gap, np.sqrt(miss2) / miss)
 
 
-@kernel(parallel=True)
-def _interpolate(coarse, least_sigma_mm, sigma_mm, out, left):  # type: ignore[no-untyped-def]
+@kernel
+def _interpolate(first, stop, coarse, least_sigma_mm, sigma_mm, out, left):  # type: ignore[no-untyped-def]
     lights, _, width, _ = coarse.shape
-    for r in prange(left.shape[0]):
+    for r in range(first, stop):
         safe = least_sigma_mm[r] <= sigma_mm
         if not safe.any():
             continue
