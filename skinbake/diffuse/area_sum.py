@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.diffuse.tiled import Tiled, Tiles
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 
 _BLOCK = 65536  # texels
@@ -22,15 +22,16 @@ def area_sum(tiles: Tiles, points: Tiled[TexelPoints]) -> Float:
     for tile, rgb in tiles.items():
         here = points[tile]
         blocks = np.zeros((-(-len(here.flat_index) // _BLOCK), 3))
-        _area_sums(rgb.reshape(len(rgb), -1, 3), here.flat_index, here.area_mm2, blocks)
+        light = rgb.reshape(len(rgb), -1, 3)
+        parallel_for(_area_sums, len(blocks), light, here.flat_index, here.area_mm2, blocks)
         total += blocks.sum(axis=0)
     return total
 
 
-@kernel(parallel=True)
-def _area_sums(rgb, flat, area, blocks):  # type: ignore[no-untyped-def]
+@kernel
+def _area_sums(first, stop, rgb, flat, area, blocks):  # type: ignore[no-untyped-def]
     """Fill the sums of each block of texels, (B, 3)."""
-    for block in prange(len(blocks)):
+    for block in range(first, stop):
         for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(flat))):
             for light in range(len(rgb)):
                 for c in range(3):

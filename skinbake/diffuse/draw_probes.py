@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, tile_origin
@@ -12,6 +11,7 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 
 VERIFY, PLAN, VERIFY_AGAIN = 0, 1, 2  # streams of the same seed: a plan never sees the probes that judge it
@@ -101,13 +101,13 @@ def _area_and_texels(points: Tiled[TexelPoints], most: float = np.inf) -> tuple[
 def _block_sums(area: NDArray[np.float32], liked: NDArray[np.float32], most: float) -> Float:
     """Area of each block of texels, area times preference, and number of texels that have area, (B, 3)."""
     sums = np.zeros((-(-len(area) // _BLOCK), 3))
-    _add_blocks(area, liked, most, sums)
+    parallel_for(_add_blocks, len(sums), area, liked, most, sums)
     return sums
 
 
-@kernel(parallel=True)
-def _add_blocks(area, liked, most, sums):  # type: ignore[no-untyped-def]
-    for block in prange(len(sums)):
+@kernel
+def _add_blocks(first, stop, area, liked, most, sums):  # type: ignore[no-untyped-def]
+    for block in range(first, stop):
         total, preferred, texels = 0.0, 0.0, 0
         for k in range(block * _BLOCK, min((block + 1) * _BLOCK, len(area))):
             if 0 < area[k] <= most:

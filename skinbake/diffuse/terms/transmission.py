@@ -9,7 +9,6 @@ lights, soft ones included.
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin, tiles_of
@@ -19,6 +18,7 @@ from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.shadow_origin import facet_point, point_of
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.scene.mesh import SkinMesh
@@ -99,13 +99,16 @@ def transmit(
 def _skin(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index) -> tuple[Image, Image]:
     """Points of texels on the surface that rays meet, about the occluder's centre, and unit normals; shapes (n, 3)."""
     point, normal = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
-    _place(raster.face_index, raster.barycentric, rows, cols, occluder.subdivided, mesh.corner_normal, point, normal)
+    parallel_for(
+        _place, len(rows),
+        raster.face_index, raster.barycentric, rows, cols, occluder.subdivided, mesh.corner_normal, point, normal,
+    )  # fmt: skip
     return point, normal
 
 
-@kernel(parallel=True)
-def _place(face_index, barycentric, rows, cols, subdivided, normals, point, normal):  # type: ignore[no-untyped-def]
-    for k in prange(len(rows)):
+@kernel
+def _place(first, stop, face_index, barycentric, rows, cols, subdivided, normals, point, normal):  # type: ignore[no-untyped-def]
+    for k in range(first, stop):
         face, b = face_index[rows[k], cols[k]], barycentric[rows[k], cols[k]]
         x, y, z = facet_point(normals, face, np.float64(b[0]), np.float64(b[1]))
         length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
@@ -179,14 +182,15 @@ def _weights_at(weights: SlabWeights, thickness_mm: Float, opposed: Float) -> Im
     table = weights.weight_rgb
     step = float(np.log(weights.thickness_mm[1] / weights.thickness_mm[0]))
     out = np.zeros((len(thickness_mm), *table.shape[1:]), np.float32)
-    _read_table(table, float(weights.thickness_mm[0]), step, thickness_mm, opposed, out)
+    thinnest_mm = float(weights.thickness_mm[0])
+    parallel_for(_read_table, len(out), table, thinnest_mm, step, thickness_mm, opposed, out)
     return out
 
 
-@kernel(parallel=True)
-def _read_table(table, thinnest_mm, step, thickness_mm, opposed, out):  # type: ignore[no-untyped-def]
+@kernel
+def _read_table(first, stop, table, thinnest_mm, step, thickness_mm, opposed, out):  # type: ignore[no-untyped-def]
     last = len(table) - 1
-    for ray in prange(len(thickness_mm)):
+    for ray in range(first, stop):
         k = np.log(max(thickness_mm[ray], 1e-6) / thinnest_mm) / step
         if not (k < last and opposed[ray] > 0):
             continue
@@ -217,14 +221,17 @@ def _gather(
         pick = np.flatnonzero(lit & (of_face[face] == tile))
         local = uv[pick] - np.asarray(tile_origin(tile))
         for i, lobe in enumerate(diffused.lobes):
-            _add_bilinear(np.asarray(lobe.rgb[tile], np.float32), local, pick, weight[:, i], out)
+            image = np.asarray(lobe.rgb[tile], np.float32)
+            parallel_for(_add_bilinear, len(pick), image, local, pick, np.ascontiguousarray(weight[:, i]), out)
     return out
 
 
-@kernel(parallel=True)
-def _add_bilinear(image: Image, uv: Float, pick: NDArray[np.int64], weight: Image, out: Image) -> None:
+@kernel
+def _add_bilinear(
+    first: int, stop: int, image: Image, uv: Float, pick: NDArray[np.int64], weight: Image, out: Image
+) -> None:
     lights, height, width = image.shape[:3]
-    for n in prange(len(pick)):
+    for n in range(first, stop):
         x = min(max(uv[n, 0] * width - 0.5, 0.0), width - 1.0)
         y = min(max((1.0 - uv[n, 1]) * height - 0.5, 0.0), height - 1.0)
         x0, y0 = int(x), int(y)

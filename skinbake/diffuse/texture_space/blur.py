@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
@@ -20,6 +19,7 @@ from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
 from skinbake.diffuse.texture_space.separable import decimate, decimation_weights, masked_light, normalised_blur
 from skinbake.diffuse.tiled import Tiled, Tiles
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -86,10 +86,7 @@ def texture_pyramid(light: NDArray[np.float32], coverage: NDArray[np.float32]) -
     light : ndarray of shape (L, H, W, 3), float32
     coverage : ndarray of shape (H, W), float32
     """
-    lights, height, width, _ = light.shape
-    image = np.empty((height, width, 3 * lights + 1), np.float32)
-    masked_light(light, coverage, image)
-    return TexturePyramid([image])
+    return TexturePyramid([masked_light(light, coverage)])
 
 
 def mean_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> tuple[float, float]:
@@ -143,7 +140,7 @@ def texture_blur(
     out = np.empty((lights, height, width, 3), np.float32)
     if fallback is None:
         fallback = np.empty((lights, 0, 0, 3), np.float32)
-    epsilon = np.float32(_NO_COVERAGE * kernels[0][0] * kernels[1][0])
+    epsilon = float(_NO_COVERAGE * kernels[0][0] * kernels[1][0])
     mass = np.empty((0, 0), np.float32) if mass is None else mass
     normalised_blur(image, level_margin(level), kernels[0], kernels[1], fallback, epsilon, out, mass)
     return out
@@ -194,7 +191,11 @@ def blur_at(
         which.append(index)
         weights.append(kernels)
     values = np.zeros((len(at[0]), image.shape[2]))
-    _weighted_windows(image, first[0], first[1], which[0], which[1], weights[0], weights[1], _NO_COVERAGE, values)
+    parallel_for(
+        _weighted_windows, len(values),
+        image, first[0], first[1], which[0], which[1], weights[0], weights[1],
+        _NO_COVERAGE, values,
+    )  # fmt: skip
     return values[:, :-1], values[:, -1]
 
 
@@ -210,12 +211,12 @@ def _between(half: Float, offset: Float) -> Float:
     return shifted
 
 
-@kernel(parallel=True)
+@kernel
 def _weighted_windows(  # type: ignore[no-untyped-def]
-    image, first_y, first_x, which_y, which_x, weights_y, weights_x, no_coverage, out
+    first, stop, image, first_y, first_x, which_y, which_x, weights_y, weights_x, no_coverage, out
 ):
     height, width, channels = image.shape
-    for p in prange(len(out)):
+    for p in range(first, stop):
         wy, wx = weights_y[which_y[p]], weights_x[which_x[p]]
         low, high = max(-first_x[p], 0), min(len(wx), width - first_x[p])
         column = np.zeros(max(high - low, 0) * channels)  # of the window, blurred along y only

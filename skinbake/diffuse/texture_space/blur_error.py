@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.clusters import MomentPyramid
@@ -29,6 +28,7 @@ from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.diffuse.texture_space.uv_gaps import LEVEL
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import load_scalar
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 
 _MOST_UNEVEN = np.float32(2)
@@ -93,7 +93,8 @@ class BlurErrorPredictor:
         """
         points, pyramid = self.points, self.pyramid
         share = np.empty(blurred.shape[:3], np.uint8)
-        _shares(
+        parallel_for(
+            _shares, len(points.row),
             points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend,
             self.foreign_mm, pyramid.start, pyramid.width, self.margin, self.level,
             self._floats(variance_mm2, threshold), self._means(), blurred, mass, share,
@@ -121,14 +122,14 @@ class BlurErrorPredictor:
         return np.array(self.mean, np.float32)
 
 
-@kernel(parallel=True)
+@kernel
 def _shares(  # type: ignore[no-untyped-def]
-    row_of, area, texel_mm2, coverage, image, bend, foreign_mm, start, width, margin, level, floats, means, blurred,
-    mass, share,
+    first, stop, row_of, area, texel_mm2, coverage, image, bend, foreign_mm, start, width, margin, level, floats, means,
+    blurred, mass, share,
 ):  # fmt: skip
     height, columns = row_of.shape
     light_and_mask, channels, blur = image.reshape(-1), image.shape[2], blurred.reshape(-1)
-    for row in prange(height):
+    for row in range(first, stop):
         for col in range(columns):
             k = row_of[row, col]
             if k < 0:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, broadcast, load, mul_add, store
+from skinbake.kernels.threads import parallel_for
 
 _ROWS = 16
 _CHUNK = 64  # rows that share their scratch memory
@@ -15,11 +15,18 @@ _STRIP = 512
 _ZERO = np.float32(0)
 
 
-@kernel(parallel=True)
-def masked_light(light, coverage, out):  # type: ignore[no-untyped-def]
-    """out (H, W, 3L + 1) = light (L, H, W, 3) times coverage, then coverage itself."""
+def masked_light(light: NDArray[np.float32], coverage: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Light (L, H, W, 3) times coverage (H, W), then coverage itself; (H, W, 3 L + 1)."""
     lights, height, width, _ = light.shape
-    for row in prange(height):
+    out = np.empty((height, width, 3 * lights + 1), np.float32)
+    parallel_for(_mask, height, light, coverage, out)
+    return out
+
+
+@kernel
+def _mask(first, stop, light, coverage, out):  # type: ignore[no-untyped-def]
+    lights, _, width, _ = light.shape
+    for row in range(first, stop):
         for col in range(width):
             m = coverage[row, col]
             for k in range(lights):
@@ -29,8 +36,16 @@ def masked_light(light, coverage, out):  # type: ignore[no-untyped-def]
             out[row, col, 3 * lights] = m
 
 
-@kernel(parallel=True)
-def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out, mass):  # type: ignore[no-untyped-def]
+def normalised_blur(
+    image: NDArray[np.float32],
+    margin: int,
+    half_y: NDArray[np.float32],
+    half_x: NDArray[np.float32],
+    fallback: NDArray[np.float32],
+    epsilon: float,
+    out: NDArray[np.float32],
+    mass: NDArray[np.float32],
+) -> None:
     """K[M E] / K[M] of an image of premultiplied light and mask; theory.md 5.7.
 
     Parameters
@@ -45,16 +60,21 @@ def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out, mass)
     mass : ndarray of shape (H, W) or (0, 0)
         Takes K[M], unless empty.
     """
+    kernels = (np.concatenate((half[:0:-1], half)) for half in (half_y, half_x))
+    chunks = -(-out.shape[1] // _CHUNK)
+    parallel_for(_blur, chunks, image, margin, *kernels, fallback, np.float32(epsilon), out, mass)
+
+
+@kernel
+def _blur(first, stop, image, margin, kernel_y, kernel_x, fallback, epsilon, out, mass):  # type: ignore[no-untyped-def]
     height, width, channels = image.shape
     lights = (channels - 1) // 3
     n = width * channels
-    kernel_y = np.concatenate((half_y[:0:-1], half_y))
-    kernel_x = np.concatenate((half_x[:0:-1], half_x))
-    reach_y, reach_x = len(half_y) - 1, len(half_x) - 1
+    reach_y, reach_x = len(kernel_y) // 2, len(kernel_x) // 2
     flat = image.reshape(-1)
     start = reach_x * channels
     length = n + 2 * start
-    for chunk in prange((out.shape[1] + _CHUNK - 1) // _CHUNK):
+    for chunk in range(first, stop):
         lines = np.zeros(_ROWS * length, np.float32)
         both = np.empty(n, np.float32)
         for top_row in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, out.shape[1]), _ROWS):
@@ -62,9 +82,9 @@ def normalised_blur(image, margin, half_y, half_x, fallback, epsilon, out, mass)
             for left in range(0, n, _STRIP):  # so narrow that all taps' rows of it stay in the nearest cache
                 for i in range(rows):
                     top = top_row + i + margin - reach_y
-                    first, last = max(-top, 0), min(len(kernel_y), height - top)
+                    begin, end = max(-top, 0), min(len(kernel_y), height - top)
                     to, count = i * length + start + left, min(_STRIP, n - left)
-                    _weigh(flat, (top + first) * n + left, n, kernel_y[first:last], lines, to, count)
+                    _weigh(flat, (top + begin) * n + left, n, kernel_y[begin:end], lines, to, count)
             for i in range(rows):
                 _weigh(lines, i * length, channels, kernel_x, both, 0, n)
                 _divide(both, margin, lights, top_row + i, epsilon, fallback, out)
@@ -135,8 +155,14 @@ def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-un
         i += 1
 
 
-@kernel(parallel=True)
-def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[no-untyped-def]
+def decimate(
+    image: NDArray[np.float32],
+    first_y: NDArray[np.int64],
+    weight_y: NDArray[np.float32],
+    first_x: NDArray[np.int64],
+    weight_x: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
     """out[i, j] = sum over weights of image[first_y[i] + k, first_x[j] + l]; outside the image is zero.
 
     Parameters
@@ -144,6 +170,14 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
     first_y, first_x : ndarray of shape (h,), (w,), int64
     weight_y, weight_x : ndarray of shape (h, taps), (w, taps), float32
     """
+    every_other = (np.ascontiguousarray(weight_x[0, side::2]) for side in (0, 1))
+    parallel_for(_decimate, -(-len(out) // _ROWS), image, first_y, weight_y, first_x, weight_x, *every_other, out)
+
+
+@kernel
+def _decimate(  # type: ignore[no-untyped-def]
+    first, stop, image, first_y, weight_y, first_x, weight_x, weight_even, weight_odd, out
+):
     height, width, channels = image.shape
     n = width * channels
     flat = image.reshape(-1)
@@ -153,7 +187,7 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
     # An even texture is halved with the same weights everywhere: even and odd columns apart, whole rows are summed
     halved = columns > 1 and first_x[columns - 1] - first_x[0] == 2 * (columns - 1)
     length = n + 2 * pad
-    for chunk in prange((out.shape[0] + _ROWS - 1) // _ROWS):
+    for chunk in range(first, stop):
         top_row, rows = chunk * _ROWS, min(_ROWS, out.shape[0] - chunk * _ROWS)
         lines = np.zeros(_ROWS * length, np.float32)
         parts = np.zeros((2, (columns + (taps + 1) // 2) * channels), np.float32)
@@ -161,11 +195,11 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
         for left in range(0, n, _STRIP):
             for i in range(rows):
                 top = first_y[top_row + i]
-                first, last = max(-top, 0), min(weight_y.shape[1], height - top)
-                if first < last:
-                    weights = weight_y[top_row + i, first:last]
+                begin, end = max(-top, 0), min(weight_y.shape[1], height - top)
+                if begin < end:
+                    weights = weight_y[top_row + i, begin:end]
                     to, count = i * length + pad + left, min(_STRIP, n - left)
-                    _weigh(flat, (top + first) * n + left, n, weights, lines, to, count)
+                    _weigh(flat, (top + begin) * n + left, n, weights, lines, to, count)
         for i in range(rows):
             whole = out[top_row + i].reshape(columns * channels)
             if halved:
@@ -176,8 +210,8 @@ def decimate(image, first_y, weight_y, first_x, weight_x, out):  # type: ignore[
                         if 0 <= col < width:
                             for c in range(channels):
                                 parts[side, m * channels + c] = line[col * channels + c]
-                _weigh(parts[0], 0, channels, weight_x[0, 0::2].copy(), whole, 0, columns * channels)
-                _weigh(parts[1], 0, channels, weight_x[0, 1::2].copy(), odd, 0, columns * channels)
+                _weigh(parts[0], 0, channels, weight_even, whole, 0, columns * channels)
+                _weigh(parts[1], 0, channels, weight_odd, odd, 0, columns * channels)
                 whole += odd
                 continue
             for j in range(columns):

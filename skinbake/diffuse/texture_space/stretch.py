@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -20,6 +19,7 @@ from skinbake.atlas import AtlasRaster, first_fundamental_form, interpolate, sig
 from skinbake.diffuse.lattice import lattice_table, lattice_variance
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, broadcast, gaussian, load, mul_add, same, store
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -113,7 +113,7 @@ def stretch_blur(
     """
     lights, height, width, _ = light.shape
     form, reach = np.empty_like(covariance), np.empty((height, width, 2), np.float32)
-    _quadratic_form(covariance, lattice_table(), form, reach)
+    parallel_for(_quadratic_form, height, covariance, lattice_table(), form, reach)
     pad = int(np.ceil(reach.max(initial=0))) + 1
     padded_width = width + 2 * pad + LANES
     planes = np.zeros((3 * lights + 1, height + 2 * pad, padded_width), np.float32)
@@ -124,16 +124,16 @@ def stretch_blur(
     chart_padded = np.full(planes.shape[1:], _EMPTY, np.float32)  # numbers of charts are far below 2^24
     chart_padded[inside] = chart
     out = light.copy()
-    _gather(planes, chart_padded, form, reach, chart, pad, out)
+    parallel_for(_gather, height, planes, chart_padded, form, reach, chart, pad, out)
     return out
 
 
-@kernel(parallel=True)
-def _quadratic_form(covariance, table, form, reach):  # type: ignore[no-untyped-def]
+@kernel
+def _quadratic_form(first, stop, covariance, table, form, reach):  # type: ignore[no-untyped-def]
     """Inverse / -64 of each ellipse (xx, 2 xy, yy), and how far it reaches (x, y), texels."""
-    height, width, _ = covariance.shape
+    width = covariance.shape[1]
     floor = 1e-4
-    for row in prange(height):
+    for row in range(first, stop):
         for col in range(width):
             xx, yy = max(np.float64(covariance[row, col, 0]), floor), max(np.float64(covariance[row, col, 2]), floor)
             limit = 0.999 * np.sqrt(xx * yy)
@@ -148,14 +148,14 @@ def _quadratic_form(covariance, table, form, reach):  # type: ignore[no-untyped-
             reach[row, col, 1] = min(CUT_SIGMA * np.sqrt(yy), MAX_REACH)
 
 
-@kernel(parallel=True)
-def _gather(planes, chart_padded, form, reach, chart, pad, out):  # type: ignore[no-untyped-def]
-    lights, height, width, _ = out.shape
+@kernel
+def _gather(first, stop, planes, chart_padded, form, reach, chart, pad, out):  # type: ignore[no-untyped-def]
+    lights, _, width, _ = out.shape
     channels = 3 * lights
     stride = planes.shape[2]
     plane = planes.shape[1] * stride
     texels, charts = planes.reshape(-1), chart_padded.reshape(-1)
-    for row in prange(height):
+    for row in range(first, stop):
         at = np.empty((4, LANES), np.float32)  # the ellipse's form and the chart
         sums = np.empty((channels + 1, LANES), np.float32)
         ellipse, acc = at.reshape(-1), sums.reshape(-1)
@@ -197,11 +197,23 @@ def _gather(planes, chart_padded, form, reach, chart, pad, out):  # type: ignore
                         out[k // 3, row, left + t, k % 3] = sums[k, t] / sums[channels, t]
 
 
-@kernel(parallel=True)
-def area_mean(light, area, factor, out):  # type: ignore[no-untyped-def]
-    """Area-weighted mean of each block of `factor` x `factor` texels; the plain mean of nothing is 0."""
+def area_mean(light: NDArray[np.float32], area: NDArray[np.float32], factor: int, out: NDArray[np.float32]) -> None:
+    """Area-weighted mean of each block of `factor` x `factor` texels; the plain mean of nothing is 0.
+
+    Parameters
+    ----------
+    light : ndarray of shape (L, H, W, 3), float32
+    area : ndarray of shape (H, W), float32
+    factor : int
+    out : ndarray of shape (L, H / factor, W / factor, 3), float32
+    """
+    parallel_for(_area_mean, out.shape[1], light, area, factor, out)
+
+
+@kernel
+def _area_mean(first, stop, light, area, factor, out):  # type: ignore[no-untyped-def]
     lights, _, _, _ = light.shape
-    for i in prange(out.shape[1]):
+    for i in range(first, stop):
         for j in range(out.shape[2]):
             total = 0.0
             for k in range(lights):

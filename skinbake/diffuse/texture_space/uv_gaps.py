@@ -8,12 +8,12 @@ two tiles they always are.
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.diffuse.surface_space.clusters import MomentPyramid
 from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 
 LEVEL = 3  # of the pyramid's blocks, 1 being 2 x 2 texels
@@ -50,10 +50,17 @@ def distance_to_foreign(pyramids: Tiled[MomentPyramid]) -> Tiled[NDArray[np.floa
     skin, key = skin[order], key[order]
     cell, first = np.unique(key, return_index=True)
     found = np.full(len(block), np.inf, np.float32)
-    found[skin] = _distances(
-        block[skin, 1:4], _HALF_SIDE * np.sqrt(spread[order]), shorter[order], block[skin, 5:], cell,
-        np.append(first, len(skin)),
+    first = np.append(first, len(skin))
+    # z - 1, z and z + 1 lie behind one another: nine columns of cells
+    middle = cell[:, None] + (np.arange(-1, 2)[:, None] * _MOST_CELLS + np.arange(-1, 2)).ravel() * _MOST_CELLS
+    begin, end = (first[np.searchsorted(cell, middle + step)] for step in (-1, 2))
+    nearest = np.empty(len(skin), np.float32)
+    parallel_for(
+        _distances, len(cell),
+        block[skin, 1:4], _HALF_SIDE * np.sqrt(spread[order]), shorter[order], block[skin, 5:], first, begin, end,
+        nearest,
     )  # fmt: skip
+    found[skin] = nearest
     tiles = np.split(found, np.cumsum([len(part) for part in parts])[:-1])
     return {tile: values.reshape(shape) for tile, values, shape in zip(pyramids, tiles, shapes, strict=True)}
 
@@ -66,19 +73,18 @@ def _cells(position: Float, side: float) -> NDArray[np.int64]:
     return cells
 
 
-@kernel(parallel=True)
-def _distances(centre, radius, side, place, cell, first):  # type: ignore[no-untyped-def]
-    """Of blocks in the order of their cells: those of `cell[c]` are `first[c]` ... `first[c + 1]`."""
-    nearest = np.empty(len(centre), np.float32)
-    for c in prange(len(cell)):
-        nearest[first[c] : first[c + 1]] = np.inf
-        for column in range(9):  # of cells: z - 1, z and z + 1 lie behind one another
-            middle = cell[c] + ((column // 3 - 1) * _MOST_CELLS + column % 3 - 1) * _MOST_CELLS
-            begin = first[np.searchsorted(cell, middle - 1)]
-            end = first[np.searchsorted(cell, middle + 2)]
-            for k in range(first[c], first[c + 1]):
+@kernel
+def _distances(first, stop, centre, radius, side, place, of_cell, begin, end, nearest):  # type: ignore[no-untyped-def]
+    """Fill `nearest` of blocks in the order of their cells: those of cell c are `of_cell[c]` ... `of_cell[c + 1]`.
+
+    Those of the columns of cells around it are `begin[c, column]` ... `end[c, column]`.
+    """
+    for c in range(first, stop):
+        nearest[of_cell[c] : of_cell[c + 1]] = np.inf
+        for column in range(begin.shape[1]):
+            for k in range(of_cell[c], of_cell[c + 1]):
                 best = nearest[k]
-                for other in range(begin, end):
+                for other in range(begin[c, column], end[c, column]):
                     dx, dy = centre[other, 0] - centre[k, 0], centre[other, 1] - centre[k, 1]
                     dz = centre[other, 2] - centre[k, 2]
                     straight2 = dx * dx + dy * dy + dz * dz
@@ -94,4 +100,3 @@ def _distances(centre, radius, side, place, cell, first):  # type: ignore[no-unt
                         if gap < best and (elsewhere or way > _WAY * straight):
                             best = gap
                 nearest[k] = best
-    return nearest
