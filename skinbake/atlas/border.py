@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.coverage import BAND_ROWS
 from skinbake.atlas.raster import NO_FACE
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -53,7 +53,6 @@ def chart_edges(mesh: SkinMesh, uv_area: Float) -> NDArray[np.int64]:
     return np.flatnonzero(is_border)
 
 
-@kernel(parallel=True)
 def nearest_chart_points(
     corner_xy: Float,
     edges: NDArray[np.int64],
@@ -79,8 +78,25 @@ def nearest_chart_points(
     barycentric : ndarray of shape (H, W, 2), float32
         Weights of corners 1 and 2, written at the same texels.
     """
+    bands = len(start) - 1
+    parallel_for(_claim_near_edges, bands, corner_xy, edges, start, items, radius_texels, face_index, barycentric)
+
+
+@kernel
+def _claim_near_edges(
+    first: int,
+    stop: int,
+    corner_xy: Float,
+    edges: NDArray[np.int64],
+    start: NDArray[np.int64],
+    items: NDArray[np.int64],
+    radius_texels: float,
+    face_index: NDArray[np.int32],
+    barycentric: NDArray[np.float32],
+) -> None:
+    """`nearest_chart_points` of bands `first` to `stop`."""
     height, width = face_index.shape
-    for band in prange(len(start) - 1):
+    for band in range(first, stop):
         first_row, row_end = band * BAND_ROWS, min((band + 1) * BAND_ROWS, height)
         # Distances squared; texels that hold a chart point already are closed
         best = np.full((row_end - first_row, width), radius_texels * radius_texels, dtype=np.float32)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 
 FULL = 1e-6  # round-off below which a texel counts as wholly covered
@@ -117,7 +117,6 @@ def _twice_area(poly: Float, n: int) -> float:
     return total
 
 
-@kernel(parallel=True)
 def rasterize_coverage(
     corner_xy: Float,
     mm2_per_texel: Float,
@@ -141,8 +140,28 @@ def rasterize_coverage(
     face_index, barycentric, coverage, area_mm2 : ndarrays
         Written; as in AtlasRaster.
     """
+    bands = len(start) - 1
+    parallel_for(
+        _rasterize_bands, bands, corner_xy, mm2_per_texel, start, items, face_index, barycentric, coverage, area_mm2
+    )
+
+
+@kernel
+def _rasterize_bands(
+    first: int,
+    stop: int,
+    corner_xy: Float,
+    mm2_per_texel: Float,
+    start: NDArray[np.int64],
+    items: NDArray[np.int64],
+    face_index: NDArray[np.int32],
+    barycentric: NDArray[np.float32],
+    coverage: NDArray[np.float32],
+    area_mm2: NDArray[np.float32],
+) -> None:
+    """`rasterize_coverage` of bands `first` to `stop`."""
     height, width = face_index.shape
-    for band in prange(len(start) - 1):
+    for band in range(first, stop):
         row_end = min((band + 1) * BAND_ROWS, height)
         strip = np.empty((9, 2))
         poly = np.empty((9, 2))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE, AtlasRaster
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 
 
 def interpolate(raster: AtlasRaster, corner_values: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -28,12 +28,14 @@ def interpolate(raster: AtlasRaster, corner_values: NDArray[np.floating]) -> NDA
         raise ValueError(f"corner_values: expected shape (F, 3, k), got {corner_values.shape}")
     values = np.ascontiguousarray(corner_values, dtype=np.float64)
     out = np.zeros((*raster.shape, values.shape[2]), dtype=np.float32)
-    _interpolate(raster.face_index, raster.barycentric, values, out)
+    parallel_for(_interpolate, len(out), raster.face_index, raster.barycentric, values, out)
     return out
 
 
-@kernel(parallel=True)
+@kernel
 def _interpolate(
+    first: int,
+    stop: int,
     face_index: NDArray[np.int32],
     barycentric: NDArray[np.float32],
     values: NDArray[np.float64],
@@ -43,13 +45,15 @@ def _interpolate(
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
     values : ndarray of shape (F, 3, k)
     out : ndarray of shape (H, W, k)
         Written.
     """
-    height, width = face_index.shape
-    for row in prange(height):
+    width = face_index.shape[1]
+    for row in range(first, stop):
         for col in range(width):
             f = face_index[row, col]
             if f == NO_FACE:

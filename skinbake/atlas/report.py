@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -16,6 +15,7 @@ from skinbake.atlas.rasterize import signed_uv_area
 from skinbake.atlas.texel_coordinates import corner_texels, local_uv
 from skinbake.errors import InputError
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -140,7 +140,7 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
         local = local_uv(mesh.corner_uv, raster.tile)
         outside &= (local < -1e-6).any(axis=(1, 2)) | (local > 1 + 1e-6).any(axis=(1, 2))
         corner_xy = corner_texels(mesh, raster.tile, raster.shape)
-        _mark_overlaps(corner_xy, uv_area != 0, raster.face_index, overlapping, hidden, shown)
+        parallel_for(_mark_overlaps, len(corner_xy), corner_xy, drawn, raster.face_index, overlapping, hidden, shown)
 
     kind = np.full(len(area), GOOD, np.uint8)
     kind[flipped] = FLIPPED
@@ -268,8 +268,10 @@ def refuse_spoilt(report: UvReport, path: str) -> None:
         raise InputError("\n".join(f"{path}: {fault}" for fault in report.faults))
 
 
-@kernel(parallel=True)
+@kernel
 def _mark_overlaps(
+    first: int,
+    stop: int,
     corner_xy: Float,
     drawn: NDArray[np.bool_],
     face_index: NDArray[np.int32],
@@ -281,6 +283,8 @@ def _mark_overlaps(
 
     Parameters
     ----------
+    first, stop : int
+        Faces.
     corner_xy : ndarray of shape (F, 3, 2)
         Corners in texels, x to the right, y down.
     drawn : ndarray of shape (F,)
@@ -293,7 +297,7 @@ def _mark_overlaps(
         Written: a face that shows where this one is hidden.
     """
     height, width = face_index.shape
-    for f in prange(len(corner_xy)):
+    for f in range(first, stop):
         if not drawn[f]:
             continue
         x0, y0 = corner_xy[f, 0, 0], corner_xy[f, 0, 1]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE, AtlasRaster
 from skinbake.atlas.texel_coordinates import local_uv, texel_xy_kernel
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -43,7 +43,7 @@ def sample_map(
     else:
         image, corner_uv = fitted_map(raster, mesh, image)
         values = np.zeros((*raster.shape, image.shape[2]), dtype=np.float32)
-        _read_map(raster.face_index, raster.barycentric, corner_uv, image, values)
+        parallel_for(_read_map, len(values), raster.face_index, raster.barycentric, corner_uv, image, values)
     return values[..., 0] if flat else values
 
 
@@ -77,12 +77,18 @@ def shrink(image: Image, shape: tuple[int, int]) -> Image:
     return out
 
 
-@kernel(parallel=True)
 def _shrink_rows(image: Image, rows: int) -> Image:
     """Image (h, n) averaged over boxes to `rows` rows; boxes may end within a row."""
     out = np.empty((rows, image.shape[1]), dtype=np.float32)
-    ratio = image.shape[0] / rows
-    for row in prange(rows):
+    parallel_for(_average_rows, rows, image, out)
+    return out
+
+
+@kernel
+def _average_rows(first: int, stop: int, image: Image, out: Image) -> None:
+    """Average an image (h, n) over boxes to those rows of `out` (rows, n)."""
+    ratio = image.shape[0] / len(out)
+    for row in range(first, stop):
         low, high = row * ratio, (row + 1) * ratio
         total = np.zeros(image.shape[1])
         for k in range(int(low), min(int(np.ceil(high)), image.shape[0])):
@@ -91,22 +97,31 @@ def _shrink_rows(image: Image, rows: int) -> Image:
                 total[i] += weight * image[k, i]
         for i in range(image.shape[1]):
             out[row, i] = total[i]
-    return out
 
 
-@kernel(parallel=True)
-def _read_map(face_index: NDArray[np.int32], barycentric: Image, corner_uv: Float, image: Image, out: Image) -> None:
+@kernel
+def _read_map(
+    first: int,
+    stop: int,
+    face_index: NDArray[np.int32],
+    barycentric: Image,
+    corner_uv: Float,
+    image: Image,
+    out: Image,
+) -> None:
     """Map values (H, W, k) at the texels, written to `out`.
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
     corner_uv : ndarray of shape (F, 3, 2)
         Within the tile, 0 ... 1.
     image : ndarray of shape (h, w, k)
     out : ndarray of shape (H, W, k)
     """
-    for row in prange(out.shape[0]):
+    for row in range(first, stop):
         for col in range(out.shape[1]):
             f = face_index[row, col]
             if f == NO_FACE:
