@@ -20,8 +20,9 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from skinbake.bake.machine import processors, reuse_freed
+from skinbake.bake.machine import reuse_freed
 from skinbake.errors import SkinbakeError
+from skinbake.kernels.threads import processors
 
 Listen = Callable[[str, Any], None]  # job's name, event
 Work = Callable[[Any, Callable[[Any], None]], dict[str, Any]]  # payload, tell -> result

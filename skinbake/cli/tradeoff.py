@@ -276,8 +276,8 @@ class Measurements:
 
     def write(self, rows: list[Row], final: bool = False) -> None:
         """Write the tables, and the chart if `final`."""
-        from skinbake.bake.machine import processors
         from skinbake.io.tradeoff import write_tables
+        from skinbake.kernels.threads import processors
 
         if not rows:
             return

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write, system_error
+from skinbake.kernels.threads import thread_count
 from skinbake.stored_precision import channels_half_holds
 
 # Rec.709 primaries and D65 white, as the chromaticities attribute wants them
@@ -50,7 +51,7 @@ def write_parts(
 ) -> None:
     """Write `parts` as one EXR.
 
-    Blocks of rows are compressed on as many threads as numba has; the bytes do not depend on how many. With
+    Blocks of rows are compressed on as many threads as kernels; the bytes do not depend on how many. With
     `precision="half"`, a channel whose values pass 65504, or are all so faint that half would lose their digits, is
     written as float instead.
 
@@ -70,7 +71,6 @@ def write_parts(
     MachineError
         Disk full.
     """
-    import numba
     import OpenEXR
 
     codec = {
@@ -86,7 +86,7 @@ def write_parts(
         header |= {"type": OpenEXR.scanlineimage, "compression": codec}
         stored = [_stored(path, part.name, names, values, precision) for names, values in part.channels.items()]
         made.append(OpenEXR.Part(header, {name: values for some in stored for name, values in some.items()}, part.name))
-    threads = numba.get_num_threads()
+    threads = thread_count()
     OpenEXR.set_global_thread_count(threads if threads > 1 else 0)  # one would only be waited for
     with atomic_write(path) as temporary:
         try:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import shrink
 from skinbake.atlas.sample import bilinear
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
@@ -109,7 +109,10 @@ def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Floa
     u, v = np.meshgrid((np.arange(w) + 0.5) / w, 1 - polar / np.pi)
     solid = np.broadcast_to(((2 * np.pi / w) * (edges[:-1] - edges[1:]))[:, None], (h, w))
     towards = direction_of(u, v, rotate_deg).reshape(-1, 3)
-    return _convolve(normal, towards, (sky * solid[..., None]).reshape(-1, 3), solid.ravel())
+    out = np.zeros((len(normal), 3))
+    flux = (sky * solid[..., None]).reshape(-1, 3)
+    parallel_for(_convolve, len(normal), normal, towards, flux, solid.ravel(), out)
+    return out
 
 
 def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
@@ -124,12 +127,14 @@ def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
     return out.astype(np.float32).reshape(NORMALS + 1, NORMALS + 1, 3)
 
 
-@kernel(parallel=True)
-def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float:
-    """Sum of flux times clamped cosine, (n, 3), scaled so that constant radiance gives exactly pi.
+@kernel
+def _convolve(first: int, stop: int, normal: Float, towards: Float, flux: Float, solid: Float, out: Float) -> None:
+    """Sum of flux times clamped cosine, scaled so that constant radiance gives exactly pi.
 
     Parameters
     ----------
+    first, stop : int
+        Normals.
     normal : ndarray of shape (n, 3)
     towards : ndarray of shape (m, 3)
         Unit directions of the sky's texels.
@@ -137,9 +142,10 @@ def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float
         Radiance times solid angle.
     solid : ndarray of shape (m,)
         Solid angle, sr.
+    out : ndarray of shape (n, 3)
+        Added to: zeros.
     """
-    out = np.zeros((len(normal), 3))
-    for i in prange(len(normal)):
+    for i in range(first, stop):
         total = 0.0
         for j in range(len(towards)):
             c = normal[i, 0] * towards[j, 0] + normal[i, 1] * towards[j, 1] + normal[i, 2] * towards[j, 2]
@@ -149,15 +155,16 @@ def _convolve(normal: Float, towards: Float, flux: Float, solid: Float) -> Float
                     out[i, k] += c * flux[j, k]
         for k in range(3):
             out[i, k] *= np.pi / total
-    return out
 
 
-@kernel(parallel=True)
-def look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
+@kernel
+def look_up(first: int, stop: int, table: Image, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
     """Irradiance at texels by their normals, read bilinearly from `irradiance_table`.
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     table : ndarray of shape (NORMALS + 1, NORMALS + 1, 3)
     normal : ndarray of shape (H, W, 3)
         Unit.
@@ -167,7 +174,7 @@ def look_up(table: Image, normal: Image, addressed: NDArray[np.bool_], out: Imag
         Written.
     """
     size = table.shape[0] - 1
-    for row in prange(addressed.shape[0]):
+    for row in range(first, stop):
         for col in range(addressed.shape[1]):
             if not addressed[row, col]:
                 continue

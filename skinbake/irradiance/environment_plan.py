@@ -17,6 +17,7 @@ from skinbake.irradiance.environment_share import open_shares, open_sums, shares
 from skinbake.irradiance.harmonics import harmonic_matrix, light_by_harmonics
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.surface import scattered_origins
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight
@@ -126,7 +127,7 @@ def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: floa
     normal = _all_around(NORMALS)
     exact = cosine_irradiance(radiance, light.rotate_deg, normal)
     series = np.zeros((1, NORMALS, 3), np.float32)
-    light_by_harmonics(matrix, normal[None].astype(np.float32), np.ones((1, NORMALS), np.bool_), series)
+    light_by_harmonics(0, 1, matrix, normal[None].astype(np.float32), np.ones((1, NORMALS), np.bool_), series)
     error, limit = _relative(series[0], exact), HARMONICS_SHARE * tolerance
     kept = error <= limit
     why = f"order 2 is off by {error:.2%} rms of the exact cosine, {'within' if kept else 'above'} {limit:.2%}"
@@ -184,9 +185,9 @@ def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[n
     """Irradiance (H, W, 3) by the matrix if there is one, else by the table."""
     out = np.zeros((*addressed.shape, 3), np.float32)
     if matrix.size:
-        light_by_harmonics(matrix, normal, addressed, out)
+        parallel_for(light_by_harmonics, len(out), matrix, normal, addressed, out)
     else:
-        look_up(table, normal, addressed, out)
+        parallel_for(look_up, len(out), table, normal, addressed, out)
     return out
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.irradiance.occluder import Occluder, spread
+from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import albedo_at
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import for_slices
 from skinbake.numerics import Float, safe_div
 
 Image = NDArray[np.float32]
@@ -74,7 +75,7 @@ def open_sums(
             clear = ~occluder.occluded(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
         _sum(clear, normal[part], directions, weights, roughness[part], strength[part], table, f0, out[part])
 
-    spread(add_up, len(origin), max(1, RAYS // directions.shape[1]))
+    for_slices(add_up, len(origin), max(1, RAYS // directions.shape[1]))
     return out
 
 

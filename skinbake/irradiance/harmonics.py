@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.kernels.compile import kernel
@@ -47,12 +46,16 @@ def harmonic_matrix(radiance: Image, rotate_deg: float = 0.0) -> Float:
     return np.ascontiguousarray(np.moveaxis(np.array(rows_of_m), 2, 0))
 
 
-@kernel(parallel=True)
-def light_by_harmonics(matrix: Float, normal: Image, addressed: NDArray[np.bool_], out: Image) -> None:
+@kernel
+def light_by_harmonics(
+    first: int, stop: int, matrix: Float, normal: Image, addressed: NDArray[np.bool_], out: Image
+) -> None:
     """Irradiance at texels by their normals, theory.md 10.3; 0 where the series rings below 0.
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     matrix : ndarray of shape (3, 4, 4)
     normal : ndarray of shape (H, W, 3)
         Unit.
@@ -61,7 +64,7 @@ def light_by_harmonics(matrix: Float, normal: Image, addressed: NDArray[np.bool_
     out : ndarray of shape (H, W, 3)
         Written.
     """
-    for row in prange(addressed.shape[0]):
+    for row in range(first, stop):
         for col in range(addressed.shape[1]):
             if not addressed[row, col]:
                 continue

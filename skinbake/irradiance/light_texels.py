@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
@@ -19,6 +18,7 @@ from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
@@ -124,7 +124,9 @@ def _light_one(
     """Irradiance and unshadowed share of a directional, point or spot light, written to `out` (H, W, 4)."""
     source = emitter(light, occluder.centre_mm)
     arriving, facing = np.empty(out.shape[:2], np.float32), np.empty(out.shape[:2], np.bool_)
-    unshadowed(
+    parallel_for(
+        unshadowed,
+        len(arriving),
         source,
         surface.raster.face_index,
         surface.raster.barycentric,
@@ -139,21 +141,23 @@ def _light_one(
         facing,
     )
     seen = visibility(surface, occluder, source, facing) if casts else facing.astype(np.float32)
-    _colour(arriving, seen, colour(light), out)
+    parallel_for(_colour, len(out), arriving, seen, colour(light), out)
 
 
-@kernel(parallel=True)
-def _colour(arriving: Image, seen: Image, light_rgb: Float, out: Image) -> None:
+@kernel
+def _colour(first: int, stop: int, arriving: Image, seen: Image, light_rgb: Float, out: Image) -> None:
     """Irradiance (R, G, B) and unshadowed share, written to `out` (H, W, 4).
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     arriving, seen : ndarrays of shape (H, W)
         Irradiance of a unit light, and the unshadowed share.
     light_rgb : ndarray of shape (3,)
     out : ndarray of shape (H, W, 4)
     """
-    for row in prange(arriving.shape[0]):
+    for row in range(first, stop):
         for col in range(arriving.shape[1]):
             value = np.float64(arriving[row, col]) * np.float64(seen[row, col])
             for k in range(3):

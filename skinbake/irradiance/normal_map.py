@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, sample_map, signed_uv_area, uv_jacobian
@@ -11,6 +10,7 @@ from skinbake.atlas.raster import NO_FACE
 from skinbake.atlas.sample import bilinear, fitted_map, place_in_map
 from skinbake.irradiance.shadow_origin import facet_point
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, normalized
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -28,7 +28,7 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
     maps : SkinMaps
     """
     smooth = np.zeros((*raster.shape, 3), np.float32)
-    _interpolate_unit(raster.face_index, raster.barycentric, mesh.corner_normal, smooth)
+    parallel_for(_interpolate_unit, len(smooth), raster.face_index, raster.barycentric, mesh.corner_normal, smooth)
     if raster.tile not in maps.normal or (maps.normal_strength == 0 and maps.normal_space == "tangent"):
         return smooth, smooth
     if maps.normal_space == "object":
@@ -38,7 +38,9 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
     image, corner_uv = fitted_map(raster, mesh, maps.normal[raster.tile])
     handedness = np.where(signed_uv_area(mesh) < 0, -1.0, 1.0)
     mapped = np.zeros_like(smooth)
-    _tilt(
+    parallel_for(
+        _tilt,
+        len(mapped),
         raster.face_index,
         raster.barycentric,
         smooth,
@@ -77,18 +79,22 @@ def corner_tangents(mesh: SkinMesh) -> Float:
     return normalized(summed - normal * (normal * summed).sum(-1, keepdims=True))
 
 
-@kernel(parallel=True)
-def _interpolate_unit(face_index: NDArray[np.int32], barycentric: Image, corner: Float, out: Image) -> None:
+@kernel
+def _interpolate_unit(
+    first: int, stop: int, face_index: NDArray[np.int32], barycentric: Image, corner: Float, out: Image
+) -> None:
     """Corner vectors interpolated to the texels and scaled to length 1.
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
     corner : ndarray of shape (F, 3, 3)
     out : ndarray of shape (H, W, 3)
         Written where the atlas is not empty.
     """
-    for row in prange(face_index.shape[0]):
+    for row in range(first, stop):
         for col in range(face_index.shape[1]):
             f = face_index[row, col]
             if f == NO_FACE:
@@ -99,8 +105,10 @@ def _interpolate_unit(face_index: NDArray[np.int32], barycentric: Image, corner:
             out[row, col, 0], out[row, col, 1], out[row, col, 2] = x * scale, y * scale, z * scale
 
 
-@kernel(parallel=True)
+@kernel
 def _tilt(
+    first: int,
+    stop: int,
     face_index: NDArray[np.int32],
     barycentric: Image,
     smooth: Image,
@@ -115,6 +123,8 @@ def _tilt(
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
     smooth : ndarray of shape (H, W, 3)
         Unit normals.
@@ -130,7 +140,7 @@ def _tilt(
     out : ndarray of shape (H, W, 3)
         Written where the atlas is not empty.
     """
-    for row in prange(face_index.shape[0]):
+    for row in range(first, stop):
         for col in range(face_index.shape[1]):
             f = face_index[row, col]
             if f == NO_FACE:

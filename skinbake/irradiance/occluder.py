@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.cards import Cards
 from skinbake.irradiance.shadow_origin import facets_of
 from skinbake.irradiance.smooth_surface import smooth_surface
+from skinbake.kernels.threads import for_slices
 from skinbake.numerics import Float
 from skinbake.scene.casters import OPAQUE, Casters
 from skinbake.scene.mesh import SkinMesh
@@ -89,7 +86,7 @@ class Occluder:
                 rays = rays[clear] if len(rays) > 1 else np.repeat(rays, len(clear), axis=0)
                 answer[part][clear] = self._cards.blocked(origin[part][clear], rays, reach[part][clear])
 
-        spread(ask, len(origin), BATCH)
+        for_slices(ask, len(origin), BATCH)
         return answer
 
     def first_hit(
@@ -108,28 +105,6 @@ class Occluder:
             triangle[part], b1[part], b2[part], distance[part] = hit["primID"], hit["u"], hit["v"], hit["tfar"]
             triangle[part][hit["geomID"] != SKIN] = -1
 
-        spread(ask, len(origin), BATCH)
+        for_slices(ask, len(origin), BATCH)
         triangle[distance > 1e30] = -1
         return triangle, b1, b2, distance
-
-
-def spread(work: Callable[[slice], None], count: int, step: int) -> None:
-    """Do `work` on the numbers 0 ... count in parts, on as many threads as numba has.
-
-    Embree and kernels compiled with `nogil` run without the interpreter's lock, so that plain threads can share them.
-
-    Parameters
-    ----------
-    work : callable
-        Takes the slice of its part.
-    count, step : int
-        Numbers in all, and in a part.
-    """
-    parts = [slice(start, min(start + step, count)) for start in range(0, count, step)]
-    threads = min(numba.get_num_threads(), len(parts))
-    if threads <= 1:
-        for part in parts:
-            work(part)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, parts))

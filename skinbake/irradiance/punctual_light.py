@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
@@ -71,8 +70,10 @@ def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, floa
     return dx, dy, dz, distance, t * t * (3.0 - 2.0 * t) / (distance * distance)
 
 
-@kernel(parallel=True)
+@kernel
 def unshadowed(
+    first: int,
+    stop: int,
     source: Float,
     face_index: NDArray[np.int32],
     barycentric: Image,
@@ -90,6 +91,8 @@ def unshadowed(
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     source : ndarray of shape (10,)
         As `emitter` makes it.
     face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
@@ -105,9 +108,9 @@ def unshadowed(
     arriving, facing : ndarrays of shape (H, W)
         Written.
     """
-    height, width = face_index.shape
+    width = face_index.shape[1]
     rows, cols = roughness.shape[0] > 1, strength.shape[0] > 1
-    for row in prange(height):
+    for row in range(first, stop):
         for col in range(width):
             arriving[row, col] = 0.0
             facing[row, col] = False
@@ -137,12 +140,14 @@ def unshadowed(
             arriving[row, col] = value
 
 
-@kernel(parallel=True)
-def aim(source: Float, origin: Image, direction: Image, reach: NDArray[np.float32]) -> None:
+@kernel
+def aim(first: int, stop: int, source: Float, origin: Image, direction: Image, reach: NDArray[np.float32]) -> None:
     """Directions from origins to the light, and its distance.
 
     Parameters
     ----------
+    first, stop : int
+        Origins.
     source : ndarray of shape (10,)
         As `emitter` makes it.
     origin : ndarray of shape (n, 3)
@@ -150,7 +155,7 @@ def aim(source: Float, origin: Image, direction: Image, reach: NDArray[np.float3
     direction, reach : ndarrays of shape (n, 3) and (n,)
         Written: unit vectors, mm.
     """
-    for i in prange(len(origin)):
+    for i in range(first, stop):
         lx, ly, lz, distance, _ = towards(
             source, np.float64(origin[i, 0]), np.float64(origin[i, 1]), np.float64(origin[i, 2])
         )

@@ -6,7 +6,6 @@ import math
 import zlib
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
@@ -17,6 +16,7 @@ from skinbake.irradiance.refine import refine
 from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.scene.lights import RectangleLight
 
@@ -55,13 +55,16 @@ def light_rectangle(
     """
     corner = np.asarray(light.position_mm) - occluder.centre_mm
     shape = np.array([corner, light.edge_u_mm, light.edge_v_mm], dtype=np.float64)
+    out_normal = np.cross(light.edge_u_mm, light.edge_v_mm)
     raster = surface.raster
     arriving, facing = np.zeros(raster.shape, np.float32), np.zeros(raster.shape, np.bool_)
-    _contour(
-        shape, raster.face_index, raster.barycentric, surface.subdivided, surface.normal, surface.smooth_normal,
-        arriving, facing,
+    parallel_for(
+        _contour, len(arriving),
+        shape, out_normal, raster.face_index, raster.barycentric, surface.subdivided, surface.normal,
+        surface.smooth_normal, arriving, facing,
     )  # fmt: skip
 
+    out_normal = out_normal / np.sqrt((out_normal * out_normal).sum())
     grid = max(1, math.ceil(math.sqrt(light.samples or DEFAULT_SAMPLES)))
     key = np.uint64((seed * 0x9E3779B97F4A7C15 + zlib.crc32(light.name.encode())) % 2**64)
     normal, smooth = surface.normal.reshape(-1, 3), surface.smooth_normal.reshape(-1, 3)
@@ -74,8 +77,14 @@ def light_rectangle(
         for start in range(0, len(texels), step):
             part = texels[start : start + step]
             origin = surface.origins(part)
-            ray, reach, sent, passed = _sample(
+            count = len(part), grid * grid
+            ray, reach = np.zeros((*count, 3), np.float32), np.zeros(count, np.float32)
+            sent, passed = np.zeros(count), np.zeros(count)
+            parallel_for(
+                _sample,
+                len(part),
                 shape,
+                out_normal,
                 key,
                 grid,
                 part,
@@ -86,6 +95,10 @@ def light_rectangle(
                 strength[part],
                 table,
                 f0,
+                ray,
+                reach,
+                sent,
+                passed,
             )
             blocked = np.zeros(reach.size, np.bool_)
             if casts:
@@ -172,9 +185,12 @@ def rectangle_irradiance(
     return 0.5 * abs(total)
 
 
-@kernel(parallel=True)
+@kernel
 def _contour(
+    first: int,
+    stop: int,
     shape: Float,
+    out_normal: Float,
     face_index: NDArray[np.int32],
     barycentric: Image,
     subdivided: SubdividedMesh,
@@ -187,8 +203,12 @@ def _contour(
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     shape : ndarray of shape (3, 3)
         Centre and both edges, mm.
+    out_normal : ndarray of shape (3,)
+        On the side that shines, of any length.
     face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
     subdivided : SubdividedMesh
     normal, smooth : ndarrays of shape (H, W, 3)
@@ -196,9 +216,8 @@ def _contour(
     arriving, facing : ndarrays of shape (H, W)
         Written where the atlas is not empty and the light shines.
     """
-    height, width = face_index.shape
-    out_normal = np.cross(shape[1], shape[2])
-    for row in prange(height):
+    width = face_index.shape[1]
+    for row in range(first, stop):
         poly, clipped = np.empty((8, 3)), np.empty((8, 3))
         for col in range(width):
             face = face_index[row, col]
@@ -239,9 +258,12 @@ def _hash(x: np.uint64) -> np.uint64:
     return x ^ (x >> np.uint64(31))
 
 
-@kernel(parallel=True)
+@kernel
 def _sample(
+    first: int,
+    stop: int,
     shape: Float,
+    out_normal: Float,
     key: np.uint64,
     grid: int,
     texels: NDArray[np.int64],
@@ -252,13 +274,21 @@ def _sample(
     strength: Image,
     table: Float,
     f0: float,
-) -> tuple[Image, Image, Float, Float]:
+    ray: Image,
+    reach: Image,
+    sent: Float,
+    passed: Float,
+) -> None:
     """Rays to a jittered grid on the light, and the irradiance that each stands for.
 
     Parameters
     ----------
+    first, stop : int
+        Of the texels.
     shape : ndarray of shape (3, 3)
         Centre and both edges, mm.
+    out_normal : ndarray of shape (3,)
+        On the side that shines, unit.
     key : uint64
         Seed.
     grid : int
@@ -270,23 +300,14 @@ def _sample(
     roughness, strength : ndarrays of shape (n,)
     table, f0 : ndarray and float
         Albedo of the oil layer, size 0 for none, and its reflectance at normal incidence.
-
-    Returns
-    -------
     ray, reach : ndarrays of shape (n, grid^2, 3) and (n, grid^2), float32
-        Unit directions, and distances in mm.
+        Written: unit directions, and distances in mm.
     sent, passed : ndarrays of shape (n, grid^2)
-        cos cos / distance^2 of each ray: its irradiance but for the area that it stands for; and the part that passes
-        the oil.
+        Written: cos cos / distance^2 of each ray, its irradiance but for the area that it stands for; and the part that
+        passes the oil. Left as they are, 0, where nothing arrives.
     """
     count = grid * grid
-    ray = np.zeros((len(texels), count, 3), dtype=np.float32)
-    reach = np.zeros((len(texels), count), dtype=np.float32)
-    sent = np.zeros((len(texels), count))
-    passed = np.zeros((len(texels), count))
-    out_normal = np.cross(shape[1], shape[2])
-    out_normal /= np.sqrt((out_normal * out_normal).sum())
-    for i in prange(len(texels)):
+    for i in range(first, stop):
         nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
         sx, sy, sz = np.float64(smooth[i, 0]), np.float64(smooth[i, 1]), np.float64(smooth[i, 2])
         for s in range(count):
@@ -315,4 +336,3 @@ def _sample(
             if table.size > 0:
                 share = 1.0 - strength[i] * albedo_at(table, cos_mapped, roughness[i], f0)
                 passed[i, s] *= min(max(share, 0.0), 1.0)
-    return ray, reach, sent, passed

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 
 Image = NDArray[np.float32]
 TURN_COSINE = 0.94  # 20 degrees: a crease may lie between lattice points that agree, but its normals give it away
@@ -64,17 +64,30 @@ def refine(
         if stride == 1:
             return values
         stride //= 2
-        texels = np.flatnonzero(_between(wanted, normal, values, stride, tolerance, 2 * stride <= close))
+        left = np.zeros((height, width), np.bool_)
+        lines = -(-height // stride)
+        parallel_for(_between, lines, wanted, normal, values, stride, tolerance, 2 * stride <= close, left)
+        texels = np.flatnonzero(left)
 
 
-@kernel(parallel=True)
+@kernel
 def _between(
-    wanted: NDArray[np.bool_], normal: Image, values: Image, stride: int, tolerance: float, some: bool
-) -> NDArray[np.bool_]:
-    """Texels of the lattice of `stride` to trace, (H, W); the others are interpolated from the lattice twice as wide.
+    first: int,
+    stop: int,
+    wanted: NDArray[np.bool_],
+    normal: Image,
+    values: Image,
+    stride: int,
+    tolerance: float,
+    some: bool,
+    to_trace: NDArray[np.bool_],
+) -> None:
+    """Mark the texels of the lattice of `stride` to trace; the others are interpolated from the lattice twice as wide.
 
     Parameters
     ----------
+    first, stop : int
+        Rows of the fine lattice.
     wanted : ndarray of shape (H, W)
     normal : ndarray of shape (H, W, 3)
         Unit, smooth.
@@ -86,12 +99,13 @@ def _between(
         Difference of neighbours up to which a value is interpolated.
     some : bool
         Whether fewer than four neighbours suffice.
+    to_trace : ndarray of shape (H, W)
+        Written on the fine lattice.
     """
     height, width = wanted.shape
     wide = 2 * stride
     channels = values.shape[2]
-    to_trace = np.zeros((height, width), dtype=np.bool_)
-    for row_block in prange((height + stride - 1) // stride):
+    for row_block in range(first, stop):
         row = row_block * stride
         for col in range(0, width, stride):
             if not wanted[row, col] or (row % wide == 0 and col % wide == 0):
@@ -120,4 +134,3 @@ def _between(
                         agree = False
                     values[row, col, k] = total / present  # traced after all where a later channel disagrees
             to_trace[row, col] = not agree
-    return to_trace

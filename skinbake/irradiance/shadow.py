@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.punctual_light import DIRECTIONAL, aim
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
@@ -45,9 +45,12 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
 
     rows, cols = np.nonzero(facing[::2, ::2])
     trace(2 * rows * width + 2 * cols)
-    trace(np.flatnonzero(_fill_between(facing, lit)))
+    unknown, differs = np.zeros((2, height, width), np.bool_)
+    parallel_for(_fill_between, height, facing, lit, unknown)
+    trace(np.flatnonzero(unknown))
 
-    edges = np.flatnonzero(_differs(lit, facing))
+    parallel_for(_differs, height, lit, facing, differs)
+    edges = np.flatnonzero(differs)
     refined = np.empty(len(edges), np.float32)
     step = CHUNK // EDGE_GRID**2
     for start in range(0, len(edges), step):
@@ -65,16 +68,22 @@ def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[np.bool_
         direction, reach = source[None, 1:4].astype(np.float32), np.full(len(origin), np.inf, np.float32)
     else:
         direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
-        aim(source, origin, direction, reach)
+        parallel_for(aim, len(origin), source, origin, direction, reach)
     return ~occluder.occluded(origin, direction, reach)
 
 
-@kernel(parallel=True)
-def _fill_between(facing: NDArray[np.bool_], lit: Image) -> NDArray[np.bool_]:
-    """Fill texels between traced ones that agree, in `lit` (H, W); give those where they do not, (H, W)."""
+@kernel
+def _fill_between(first: int, stop: int, facing: NDArray[np.bool_], lit: Image, unknown: NDArray[np.bool_]) -> None:
+    """Fill texels between traced ones that agree, in `lit` (H, W); mark those where they do not in `unknown` (H, W).
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    facing, lit, unknown : ndarrays of shape (H, W)
+    """
     height, width = facing.shape
-    open_texels = np.zeros((height, width), dtype=np.bool_)
-    for row in prange(height):
+    for row in range(first, stop):
         for col in range(width):
             if not facing[row, col] or (row % 2 == 0 and col % 2 == 0):
                 continue
@@ -89,16 +98,21 @@ def _fill_between(facing: NDArray[np.bool_], lit: Image) -> NDArray[np.bool_]:
             if known and low == high:
                 lit[row, col] = low
             else:
-                open_texels[row, col] = True
-    return open_texels
+                unknown[row, col] = True
 
 
-@kernel(parallel=True)
-def _differs(lit: Image, facing: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Texels whose share differs from that of one of their eight neighbours, (H, W)."""
+@kernel
+def _differs(first: int, stop: int, lit: Image, facing: NDArray[np.bool_], out: NDArray[np.bool_]) -> None:
+    """Mark texels whose share differs from that of one of their eight neighbours.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    lit, facing, out : ndarrays of shape (H, W)
+    """
     height, width = facing.shape
-    out = np.zeros((height, width), dtype=np.bool_)
-    for row in prange(height):
+    for row in range(first, stop):
         for col in range(width):
             if not facing[row, col]:
                 continue
@@ -106,4 +120,3 @@ def _differs(lit: Image, facing: NDArray[np.bool_]) -> NDArray[np.bool_]:
                 for c in range(max(col - 1, 0), min(col + 2, width)):
                     if facing[r, c] and lit[r, c] != lit[row, col]:
                         out[row, col] = True
-    return out

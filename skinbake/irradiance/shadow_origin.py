@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
@@ -194,8 +193,10 @@ def offset_to_smooth_surface(
     return px, py, pz, dx, dy, dz
 
 
-@kernel(parallel=True)
+@kernel
 def long_ways(
+    first: int,
+    stop: int,
     face_index: NDArray[np.int32],
     barycentric: Image,
     subdivided: SubdividedMesh,
@@ -207,6 +208,8 @@ def long_ways(
 
     Parameters
     ----------
+    first, stop : int
+        Rows.
     face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
     subdivided : SubdividedMesh
     step_mm, threshold_mm : ndarrays of shape (F,)
@@ -214,7 +217,7 @@ def long_ways(
     out : ndarray of shape (H, W)
         Written.
     """
-    for row in prange(face_index.shape[0]):
+    for row in range(first, stop):
         for col in range(face_index.shape[1]):
             face = face_index[row, col]
             out[row, col] = False
@@ -224,14 +227,23 @@ def long_ways(
                 out[row, col] = dx * dx + dy * dy + dz * dz > threshold_mm[face] * threshold_mm[face]
 
 
-@kernel(parallel=True)
+@kernel
 def place(
-    face: NDArray[np.int32], barycentric: Image, subdivided: SubdividedMesh, step_mm: Float, start: Image, way: Image
+    first: int,
+    stop: int,
+    face: NDArray[np.int32],
+    barycentric: Image,
+    subdivided: SubdividedMesh,
+    step_mm: Float,
+    start: Image,
+    way: Image,
 ) -> None:
     """Starts and offsets of `offset_to_smooth_surface` at n places in faces.
 
     Parameters
     ----------
+    first, stop : int
+        Places.
     face : ndarray of shape (n,)
     barycentric : ndarray of shape (n, 2)
     subdivided : SubdividedMesh
@@ -240,7 +252,7 @@ def place(
     start, way : ndarrays of shape (n, 3), float32
         Written, mm.
     """
-    for i in prange(len(face)):
+    for i in range(first, stop):
         px, py, pz, dx, dy, dz = offset_to_smooth_surface(
             subdivided, step_mm, face[i], np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
         )
@@ -248,8 +260,10 @@ def place(
         way[i, 0], way[i, 1], way[i, 2] = dx, dy, dz
 
 
-@kernel(parallel=True)
+@kernel
 def place_inside_texels(
+    first: int,
+    stop: int,
     texels: Index,
     grid: int,
     face_index: NDArray[np.int32],
@@ -264,6 +278,8 @@ def place_inside_texels(
 
     Parameters
     ----------
+    first, stop : int
+        Of the texels.
     texels : ndarray of shape (n,)
         row * W + col.
     grid : int
@@ -279,7 +295,7 @@ def place_inside_texels(
         Written.
     """
     width = face_index.shape[1]
-    for i in prange(len(texels)):
+    for i in range(first, stop):
         row, col = texels[i] // width, texels[i] % width
         face = face_index[row, col]
         for s in range(grid * grid):

@@ -12,6 +12,7 @@ from skinbake.atlas import AtlasRaster, face_mm_per_texel, sample_map
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.shadow_origin import SubdividedMesh, long_ways, place, place_inside_texels
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, normalized, safe_div
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -66,7 +67,16 @@ class TexelSurface:
         raster, step_mm = self.raster, _step_mm(self.texel_mm, self.occluder)
         barred = np.empty(raster.shape, np.bool_)
         threshold_mm = WORTH_CHECKING * self.texel_mm
-        long_ways(raster.face_index, raster.barycentric, self.subdivided, step_mm, threshold_mm, barred)
+        parallel_for(
+            long_ways,
+            len(barred),
+            raster.face_index,
+            raster.barycentric,
+            self.subdivided,
+            step_mm,
+            threshold_mm,
+            barred,
+        )
         texels, flat = np.flatnonzero(barred), barred.reshape(-1)
         face, barycentric = raster.face_index.reshape(-1)[texels], raster.barycentric.reshape(-1, 2)[texels]
         *_, flat[texels] = _ways_up(face, barycentric, self.occluder, step_mm)
@@ -81,9 +91,10 @@ class TexelSurface:
         out = np.empty((len(texels), grid * grid, 3), np.float32)
         face_index, barycentric = self.raster.face_index, self.raster.barycentric
         step_mm = _step_mm(self.texel_mm, self.occluder)
-        place_inside_texels(
-            texels, grid, face_index, barycentric, self.per_texel, self.subdivided, step_mm, self.on_facet, out
-        )
+        parallel_for(
+            place_inside_texels, len(out),
+            texels, grid, face_index, barycentric, self.per_texel, self.subdivided, step_mm, self.on_facet, out,
+        )  # fmt: skip
         return out
 
 
@@ -153,7 +164,7 @@ def _ways_up(
     barred.
     """
     start, way = np.empty((len(face), 3), np.float32), np.empty((len(face), 3), np.float32)
-    place(face, barycentric, occluder.subdivided, step_mm, start, way)
+    parallel_for(place, len(face), face, barycentric, occluder.subdivided, step_mm, start, way)
     # `way` is not scaled to length 1: a reach of 1 ends at the smooth surface
     return start, way, occluder.occluded(start, way, np.ones(len(face), np.float32))
 

@@ -49,8 +49,10 @@ _VERSIONS = (
 )
 
 
-def kernel(function: Callable[..., Any] | None = None, *, inline: bool = False, parallel: bool = False) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, inline: bool = False) -> Any:
     """Have numba compile a function, its machine code kept on the disk; it runs without the interpreter's lock.
+
+    Loops over threads are `skinbake.kernels.threads`' task: numba's own cost three times the compiling.
 
     Parameters
     ----------
@@ -58,12 +60,12 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: bool = False, 
         What to compile; left out where the decorator has options.
     inline : bool
         Whether callers take in the body before types are inferred, instead of calling it.
-    parallel : bool
-        Whether loops over `prange` run on all of numba's threads.
     """
     if function is None:
-        return lambda function: kernel(function, inline=inline, parallel=parallel)
-    compiled: Any = numba.njit(nogil=True, inline="always" if inline else "never", parallel=parallel)(function)
+        return lambda function: kernel(function, inline=inline)
+    # No entry for C code: nobody calls kernels from there
+    options: dict[str, Any] = {"no_cfunc_wrapper": True, "inline": "always" if inline else "never"}
+    compiled: Any = numba.njit(nogil=True, **options)(function)
     if _is_kernel(compiled):  # numba leaves functions as they are under NUMBA_DISABLE_JIT
         compiled._cache = _KernelCache(compiled)
     return compiled

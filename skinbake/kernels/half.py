@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from numba import float32, get_num_threads, int32, uint16
 from numpy.typing import NDArray
 
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import for_slices
 
 # Bits of floats without their sign
 _INFINITY = 0x7F800000
@@ -25,8 +24,6 @@ _SHARE = 2**20  # values that are worth a thread
 def as_half(values: NDArray[Any]) -> NDArray[np.float16]:
     """`values.astype(np.float16)`, C-contiguous: rounded to nearest, ties to even; infinity from 65520 on.
 
-    On Python's threads, not numba's, so that whoever writes files can use it while kernels run.
-
     Parameters
     ----------
     values : ndarray of any shape
@@ -38,12 +35,7 @@ def as_half(values: NDArray[Any]) -> NDArray[np.float16]:
     flat = np.ascontiguousarray(values).reshape(-1)
     half = np.empty(values.shape, np.float16)
     whole = (flat, flat.view(np.int32), half.reshape(-1).view(np.uint16))
-    if flat.size < 2 * _SHARE:
-        _round(*whole)
-    else:
-        shares = [[part[i : i + _SHARE] for part in whole] for i in range(0, flat.size, _SHARE)]
-        with ThreadPoolExecutor(get_num_threads()) as pool:
-            list(pool.map(lambda share: _round(*share), shares))
+    for_slices(lambda share: _round(*(part[share] for part in whole)), flat.size, _SHARE)
     return half
 
 
@@ -59,16 +51,18 @@ def _round(values: NDArray[np.float32], bits: NDArray[np.int32], half: NDArray[n
         Written.
     """
     for i in range(values.size):  # in 32 bits throughout, or it would not be done eight at a time
-        magnitude = int32(bits[i] & int32(0x7FFFFFFF))
+        magnitude = np.int32(bits[i] & np.int32(0x7FFFFFFF))
         # Adds half a step, less a bit where the last digit kept is even; a carry into the exponent is right, too
-        odd = int32(int32(magnitude >> int32(13)) & int32(1))
-        rounded = int32(int32(int32(magnitude + int32(0xFFF - _REBIAS)) + odd) >> int32(13))
+        odd = np.int32(np.int32(magnitude >> np.int32(13)) & np.int32(1))
+        rounded = np.int32(np.int32(np.int32(magnitude + np.int32(0xFFF - _REBIAS)) + odd) >> np.int32(13))
         # Below half's normal range: a multiple of 2^-24, rounded by adding 2^23
-        small = float32(min(abs(values[i]), float32(1)) * float32(2**24))
+        small = np.float32(min(abs(values[i]), np.float32(1)) * np.float32(2**24))
         rounded = (
-            rounded if magnitude >= int32(_NORMAL) else int32(int32(float32(small + float32(_WHOLE))) - int32(_WHOLE))
+            rounded
+            if magnitude >= np.int32(_NORMAL)
+            else np.int32(np.int32(np.float32(small + np.float32(_WHOLE))) - np.int32(_WHOLE))
         )
         # Infinity from 65536 on, NaN stays NaN; then the sign
-        rounded = rounded if magnitude < int32(_TOO_LARGE) else int32(0x7C00)
-        rounded = rounded if magnitude <= int32(_INFINITY) else int32(0x7E00)
-        half[i] = uint16(rounded | int32(int32(bits[i] >> int32(16)) & int32(0x8000)))
+        rounded = rounded if magnitude < np.int32(_TOO_LARGE) else np.int32(0x7C00)
+        rounded = rounded if magnitude <= np.int32(_INFINITY) else np.int32(0x7E00)
+        half[i] = np.uint16(rounded | np.int32(np.int32(bits[i] >> np.int32(16)) & np.int32(0x8000)))

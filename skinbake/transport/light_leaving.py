@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.punctual_light import colour, emitter
 from skinbake.irradiance.smooth_surface import SmoothSurface, descend
+from skinbake.kernels.threads import thread_count
 from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.transport.medium import TransportMedium
@@ -106,7 +106,7 @@ def light_leaving(
         if progress:
             progress(1)
 
-    with ThreadPoolExecutor(threads or numba.get_num_threads()) as pool:
+    with ThreadPoolExecutor(threads or thread_count()) as pool:
         list(pool.map(work, range(len(face))))
     found *= unit
     mean = found.mean(axis=1)

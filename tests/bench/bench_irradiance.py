@@ -13,7 +13,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from skinbake.atlas import rasterize
@@ -21,6 +20,7 @@ from skinbake.io.mesh import read_mesh
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.surface import texel_surface
+from skinbake.kernels.threads import thread_count
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -87,9 +87,9 @@ def measure(name: str, mesh: SkinMesh, size: int) -> list[dict]:
     result.append(
         {"name": f"{name}: rays", "mrays": counted[0] / 1e6, "rays_a_texel_and_light": counted[0] / 3 / texels}
     )
-    everyone = numba.get_num_threads()
-    for threads in sorted({1, everyone}):
-        numba.set_num_threads(threads)
+    everyone = os.environ.get("NUMBA_NUM_THREADS", "")
+    for threads in sorted({1, thread_count()}):
+        os.environ["NUMBA_NUM_THREADS"] = str(threads)
         bounds = np.linspace(0, len(origin), threads + 1).astype(int)
 
         def bare(threads: int = threads, bounds=bounds) -> None:
@@ -111,7 +111,7 @@ def measure(name: str, mesh: SkinMesh, size: int) -> list[dict]:
                 "ours_over_bare": theirs / ours,
             }
         )
-    numba.set_num_threads(everyone)
+    os.environ["NUMBA_NUM_THREADS"] = everyone
     return result
 
 

@@ -17,7 +17,9 @@ NORMAL /= np.linalg.norm(NORMAL, axis=-1, keepdims=True)
 
 def lit(radiance, rotate_deg=0.0):
     out = np.zeros(NORMAL.shape, np.float32)
-    light_by_harmonics(harmonic_matrix(radiance, rotate_deg), NORMAL, np.ones(NORMAL.shape[:2], np.bool_), out)
+    light_by_harmonics(
+        0, len(out), harmonic_matrix(radiance, rotate_deg), NORMAL, np.ones(NORMAL.shape[:2], np.bool_), out
+    )
     return out[0]
 
 
