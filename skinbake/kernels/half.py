@@ -57,11 +57,8 @@ def _round(values: NDArray[np.float32], bits: NDArray[np.int32], half: NDArray[n
         rounded = np.int32(np.int32(np.int32(magnitude + np.int32(0xFFF - _REBIAS)) + odd) >> np.int32(13))
         # Below half's normal range: a multiple of 2^-24, rounded by adding 2^23
         small = np.float32(min(abs(values[i]), np.float32(1)) * np.float32(2**24))
-        rounded = (
-            rounded
-            if magnitude >= np.int32(_NORMAL)
-            else np.int32(np.int32(np.float32(small + np.float32(_WHOLE))) - np.int32(_WHOLE))
-        )
+        subnormal = np.int32(np.int32(np.float32(small + np.float32(_WHOLE))) - np.int32(_WHOLE))
+        rounded = rounded if magnitude >= np.int32(_NORMAL) else subnormal
         # Infinity from 65536 on, NaN stays NaN; then the sign
         rounded = rounded if magnitude < np.int32(_TOO_LARGE) else np.int32(0x7C00)
         rounded = rounded if magnitude <= np.int32(_INFINITY) else np.int32(0x7E00)

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from skinbake.bake.machine import processors
 from skinbake.batch.process_pool import ProcessPool
+from skinbake.kernels.threads import processors
 from tests.batch.fake_jobs import work
 from tests.conftest import ROOT
 
