@@ -14,12 +14,15 @@ from skinbake.atlas.texel_coordinates import (
     tile_origin,
     tiles_of,
 )
+from skinbake.atlas.tiled import Tiled, Tiles
 
 __all__ = [
     "FIRST_TILE",
     "NO_FACE",
     "Atlas",
     "AtlasRaster",
+    "Tiled",
+    "Tiles",
     "UvReport",
     "corner_texels",
     "face_mm_per_texel",

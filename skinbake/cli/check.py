@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from skinbake.scene.spec import SceneSpec
 
 PICTURE = "uv_check.png"
-TEXEL_MM = 0.4  # of transmitted light
+_SMALLEST = 15  # times that a texture is halved, at most
 
 
 @click.command("check")
@@ -137,14 +136,20 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
     variance_mm2 : sequence of float
         Variance of each lobe.
     """
+    from skinbake.diffuse.methods import METHODS
+    from skinbake.diffuse.planning.rules import stored_level
+    from skinbake.diffuse.terms.transmission import transmitted_level
+
     lights, summed = len(spec.lights), spec.output.lights == "total"
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
     covered = megatexels * uv.coverage
     texel_mm2 = uv.area_mm2 / max(covered * 2**20, 1)
     # Texels of all lobes, in full textures: the sizes of the plan's rule for surface sums, and light through thin parts
-    kept = [4.0 ** -stored_level(float(v), texel_mm2, spec.diffusion.tolerance) for v in variance_mm2]
+    bilinear_error, tolerance = METHODS["surface"].bilinear_error, spec.diffusion.tolerance
+    levels = [stored_level(bilinear_error, float(v), max(texel_mm2, 1e-12), tolerance, _SMALLEST) for v in variance_mm2]
+    kept = [4.0**-level for level in levels]
     if spec.terms.transmission != "off":
-        kept.append(4.0 ** -max(0, math.floor(math.log2(TEXEL_MM / max(texel_mm2**0.5, 1e-6)))))
+        kept.append(4.0 ** -transmitted_level(texel_mm2**0.5))
     # Skies, and the total of several lights, reach everywhere; any other light leaves half of the skin dark
     skies = sum(light.type == "environment" for light in spec.lights)
     total = 1 if skies or lights > 1 else 0
@@ -165,20 +170,6 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
         "irradiance_mib": round(irradiance, 2),
         "lobes_mib": round(lobes, 2),
     }
-
-
-def stored_level(variance_mm2: float, texel_mm2: float, tolerance: float) -> int:
-    """Number of times a lobe's texture is halved, by the plan's rule for bilinear reading.
-
-    Parameters
-    ----------
-    variance_mm2 : float
-    texel_mm2 : float
-        Area of a texel on the skin.
-    tolerance : float
-    """
-    texels2 = 0.6 * tolerance * variance_mm2 / (0.055 * max(texel_mm2, 1e-12))
-    return max(0, math.floor(0.5 * math.log2(max(texels2, 1e-12))))
 
 
 def readable(report: dict[str, Any]) -> str:

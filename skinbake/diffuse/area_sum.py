@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinbake.atlas import Tiled, Tiles
 from skinbake.diffuse.surface_space.points import TexelPoints
-from skinbake.diffuse.tiled import Tiled, Tiles
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float

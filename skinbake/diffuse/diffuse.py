@@ -6,21 +6,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skinbake.atlas import Atlas
+from skinbake.atlas import Atlas, Tiles
 from skinbake.diffuse.area_sum import area_sum
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.draw_probes import VERIFY, VERIFY_AGAIN, draw_probes
 from skinbake.diffuse.make_lobes import MadeLobes, make_lobes
 from skinbake.diffuse.memoize import Memoize, Memoizer
 from skinbake.diffuse.memory import check_memory
-from skinbake.diffuse.methods import method_asked_for
+from skinbake.diffuse.methods import LobePlan, method_asked_for
 from skinbake.diffuse.notices import advice, narrow_lobes, squeezed_skin
 from skinbake.diffuse.planning.auto import plan_auto
-from skinbake.diffuse.planning.lobe_plan import LobePlan, plan_fixed
+from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.source_light import checked_source, scaled_source, unscaled
-from skinbake.diffuse.tiled import Tiles
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.decision import Decision
 from skinbake.scene.mesh import SkinMesh

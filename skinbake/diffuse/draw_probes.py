@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, tile_origin
+from skinbake.atlas import AtlasRaster, Tiled, tile_origin
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.surface_space.points import TexelPoints
-from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float

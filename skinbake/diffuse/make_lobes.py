@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from skinbake.atlas import Tiles
 from skinbake.diffuse.diffuse_map import MeasuredError
 from skinbake.diffuse.error import measure_error, weighted_sum
 from skinbake.diffuse.memoize import Memoizer
-from skinbake.diffuse.planning.lobe_plan import LobePlan
+from skinbake.diffuse.methods import REFERENCE, LobeParameters, LobePlan
 from skinbake.diffuse.probes import Probes, read_at_probes
 from skinbake.diffuse.resources import Resource
-from skinbake.diffuse.tiled import Tiles
 from skinbake.numerics import Float
 
 
@@ -62,7 +62,8 @@ def make_lobes(
     order = sorted(range(len(plans)), key=lambda i: [resource not in needs[i] for resource in Resource])
     memoizer.release(set(Resource) - needs[order[0]] - {Resource.TEXELS})
     tell("measuring lobes exactly")
-    exact = [memoizer.exact(plan.parameters.variance_mm2, probes) for plan in plans] if len(probes) else []
+    variances = [plan.parameters.variance_mm2 for plan in plans] if len(probes) else []
+    exact = [memoizer.at_probes(REFERENCE, LobeParameters(variance), probes) for variance in variances]
     made: dict[int, Tiles] = {}
     unreduced: dict[int, Float] = {}
     read: dict[int, Float] = {}

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.diffuse.methods import REFERENCE, DiffusionMethod, LobeParameters
+from skinbake.atlas import Tiles
+from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
-from skinbake.diffuse.tiled import Tiles
 from skinbake.numerics import Float
 
 Kind = tuple[Any, ...]
@@ -80,10 +80,6 @@ class Memoizer:
         probes : Probes
         """
         return self._columns("read", method.read_stored, method, lobe, probes)
-
-    def exact(self, variance_mm2: float, probes: Probes) -> Float:
-        """The exact integral at probes, (P, 3 L)."""
-        return self.at_probes(REFERENCE, LobeParameters(variance_mm2), probes)
 
     def release(self, unneeded: Collection[Resource]) -> None:
         """Free the memory of some resources."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import Tiles
 from skinbake.diffuse.bilinear import read_bilinear
-from skinbake.diffuse.tiled import Tiles
 from skinbake.numerics import Float
 
 

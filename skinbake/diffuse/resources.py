@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import Tiled, Tiles
 from skinbake.diffuse.on_demand import OnDemand
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.surface_space.clusters import bending
@@ -19,7 +20,6 @@ from skinbake.diffuse.surface_space.upsample import widest_gap
 from skinbake.diffuse.texture_space.blur import TexturePyramid, level_margin, level_size, texture_pyramids
 from skinbake.diffuse.texture_space.blur_error import BlurErrorPredictor
 from skinbake.diffuse.texture_space.uv_gaps import distance_to_foreign
-from skinbake.diffuse.tiled import Tiled, Tiles
 from skinbake.scene.spec import DiffusionSpec
 
 LARGE_SHARE = 0.5  # of the texels: sources that are more than this are not kept for later

@@ -7,12 +7,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import FIRST_TILE, Atlas, rasterize
+from skinbake.atlas import FIRST_TILE, Atlas, Tiled, Tiles, rasterize
 from skinbake.diffuse.surface_space.points import TexelPoints, extended_points, mean_texel_mm2, texel_points
 from skinbake.diffuse.surface_space.upsample import least_sigma
 from skinbake.diffuse.texture_space.blur import level_size, mean_mm_per_texel
 from skinbake.diffuse.texture_space.stretch import chart_of_face, smooth_inverse_metric, uv_vertices
-from skinbake.diffuse.tiled import Tiled, Tiles
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 

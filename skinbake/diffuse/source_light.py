@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas
-from skinbake.diffuse.tiled import Tiles
+from skinbake.atlas import Atlas, Tiles
 from skinbake.errors import InputError
 
 _FAINTEST, _BRIGHTEST = 1e-12, 1e12  # peaks between which sums of light stay within float32

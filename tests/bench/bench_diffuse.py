@@ -21,7 +21,7 @@ from skinbake.bake.machine import reuse_freed
 from skinbake.diffuse import diffuse
 from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.methods.hybrid import LOOSE
-from skinbake.diffuse.planning.lobe_plan import plan_lobe
+from skinbake.diffuse.planning.fixed import plan_lobe
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.texture_space.blur import texture_blur, texture_pyramid, widest_level

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from skinbake.diffuse.methods.hybrid import Hybrid
 from skinbake.diffuse.methods.identity import Identity
-from skinbake.diffuse.methods.method import RAISE_SIZE, DiffusionMethod, LobeParameters, Proposal
+from skinbake.diffuse.methods.method import RAISE_SIZE, DiffusionMethod, LobeParameters, LobePlan, Proposal
 from skinbake.diffuse.methods.reference import Reference
 from skinbake.diffuse.methods.stretch import Stretch
 from skinbake.diffuse.methods.surface import Surface
@@ -54,6 +54,7 @@ __all__ = [
     "REFERENCE",
     "DiffusionMethod",
     "LobeParameters",
+    "LobePlan",
     "Proposal",
     "method_asked_for",
 ]

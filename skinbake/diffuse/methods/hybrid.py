@@ -9,10 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from skinbake.atlas import Tiles
 from skinbake.diffuse.methods.costs import blur_cost, predict_cost, sources_cost, sum_cost, texels
-from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal
-from skinbake.diffuse.methods.texture import read_blur
-from skinbake.diffuse.methods.trial import Trial
+from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal, Trial
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
 from skinbake.diffuse.surface_space.gather import gather
@@ -22,9 +21,9 @@ from skinbake.diffuse.texture_space.blur_at_probes import (
     blur_around_probes,
     blur_at_probes,
     blur_of_texels,
+    read_blur,
     shown_texels,
 )
-from skinbake.diffuse.tiled import Tiles
 from skinbake.numerics import Float
 
 LOOSE = (2.0, 8.0, 32.0)  # tolerances that the blur may be off by, as predicted

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal
-from skinbake.diffuse.methods.trial import Trial
+from skinbake.atlas import Tiles
+from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal, Trial
 from skinbake.diffuse.probes import Probes, light_at_probes, read_at_probes
 from skinbake.diffuse.resources import LobeResources
-from skinbake.diffuse.tiled import Tiles
 from skinbake.numerics import Float
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
-from skinbake.diffuse.methods.trial import Trial
+from skinbake.atlas import Tiled, Tiles
 from skinbake.diffuse.probes import Probes, read_at_probes
 from skinbake.diffuse.resources import LobeResources, Resource
-from skinbake.diffuse.tiled import Tiles
+from skinbake.diffuse.texture_space.blur_at_probes import TexelBlur, blur_around_probes
 from skinbake.numerics import Float
 
 RAISE_SIZE = "raise texture.size, or the tolerance"
@@ -54,6 +55,43 @@ class Proposal(NamedTuple):
     cost: float
     read: Float
     tried: bool
+
+
+@dataclass
+class Trial:
+    """What `auto` knows of a lobe before it has tried any method.
+
+    Attributes
+    ----------
+    resources : LobeResources
+    variance_mm2 : float
+    levels : range
+        Stored sizes that can show the lobe; empty for one that is too narrow to blur anything.
+    spacing : float
+        Of clusters that are within the tolerance, in sigma.
+    probes : Probes
+    exact : ndarray of shape (P, 3 L)
+        The surface integral at the probes.
+    half : bool
+        Whether files will hold binary16.
+    """
+
+    resources: LobeResources
+    variance_mm2: float
+    levels: range
+    spacing: float
+    probes: Probes
+    exact: Float
+    half: bool
+    _blurred: dict[int, Tiled[TexelBlur]] = field(default_factory=dict)
+
+    def texture_blur(self, level: int) -> Tiled[TexelBlur]:
+        """The texture's blur of the texels that reading a stored size at the probes touches."""
+        if level not in self._blurred:
+            resources = self.resources
+            texels2 = resources.geometry.variance_texels2(self.variance_mm2)
+            self._blurred[level] = blur_around_probes(resources.pyramids.get(), texels2, level, self.probes)
+        return self._blurred[level]
 
 
 class DiffusionMethod(ABC):
@@ -138,3 +176,20 @@ class DiffusionMethod(ABC):
     def memory_bytes_per_texel(self, lights: int) -> float:
         """Memory of what this method alone holds at a time, bytes a texel of the full size."""
         return 0.0
+
+
+@dataclass(frozen=True)
+class LobePlan:
+    """How one lobe is made.
+
+    Attributes
+    ----------
+    method : DiffusionMethod
+    parameters : LobeParameters
+    why : str
+        The numbers that decided.
+    """
+
+    method: DiffusionMethod
+    parameters: LobeParameters
+    why: str

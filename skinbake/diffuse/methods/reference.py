@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinbake.atlas import Tiles
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.probes import Probes, light_at_probes
 from skinbake.diffuse.resources import LobeResources, Resource
 from skinbake.diffuse.surface_space.reference_integral import reference_integral
-from skinbake.diffuse.tiled import Tiles
 from skinbake.numerics import Float
 
 

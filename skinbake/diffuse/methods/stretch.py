@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinbake.atlas import Tiles
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.texture_space.stretch import area_mean, stretch_blur, texel_covariance
-from skinbake.diffuse.tiled import Tiles
 
 
 class Stretch(DiffusionMethod):

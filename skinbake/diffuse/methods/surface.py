@@ -18,16 +18,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from skinbake.atlas import Tiles
 from skinbake.diffuse.bilinear import bilinear_texels
 from skinbake.diffuse.methods.costs import interpolate_cost, sources_cost, sum_cost, texels
-from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal
-from skinbake.diffuse.methods.trial import Trial
+from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal, Trial
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
 from skinbake.diffuse.surface_space.gather import gather
 from skinbake.diffuse.surface_space.surface_sums import surface_sums
 from skinbake.diffuse.surface_space.upsample import interpolate_smooth
-from skinbake.diffuse.tiled import Tiles
 from skinbake.numerics import Float
 
 _SUMMED = (1.0, 0.12, 0.04)  # share of texels that is not interpolated, from the first size summed on

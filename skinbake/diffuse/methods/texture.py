@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
+from skinbake.atlas import Tiles
 from skinbake.diffuse.methods.costs import blur_cost
-from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal
-from skinbake.diffuse.methods.trial import Trial
+from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal, Trial
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
 from skinbake.diffuse.texture_space.blur import texture_blur
-from skinbake.diffuse.texture_space.blur_at_probes import TexelBlur, blur_around_probes, blur_at_probes
-from skinbake.diffuse.tiled import Tiled, Tiles
+from skinbake.diffuse.texture_space.blur_at_probes import blur_around_probes, blur_at_probes, read_blur
 from skinbake.numerics import Float
 
 
@@ -59,11 +56,3 @@ class Texture(DiffusionMethod):
     def memory_bytes_per_texel(self, lights: int) -> float:
         """A premultiplied copy with its pyramid."""
         return 16 * lights + 6
-
-
-def read_blur(blurred: Tiled[TexelBlur], probes: Probes) -> Float:
-    """What reading the stored blur gives at the probes, (P, 3 L), from the texels around them."""
-    out = np.zeros((len(probes), next(iter(blurred.values())).rgb.shape[1]))
-    for texels in blurred.values():
-        out[texels.probe] = texels.read(texels.rgb)
-    return out

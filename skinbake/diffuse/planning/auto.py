@@ -23,11 +23,11 @@ from dataclasses import replace
 from skinbake.diffuse.draw_probes import PLAN, draw_probes
 from skinbake.diffuse.error import weighted_sum
 from skinbake.diffuse.memoize import Memoizer
-from skinbake.diffuse.methods import METHODS
+from skinbake.diffuse.methods import METHODS, REFERENCE, LobeParameters, LobePlan
 from skinbake.diffuse.methods.costs import risk_cost, write_cost
-from skinbake.diffuse.methods.trial import Trial
+from skinbake.diffuse.methods.method import Trial
 from skinbake.diffuse.planning.judge import Judge
-from skinbake.diffuse.planning.lobe_plan import IDENTITY_TEXELS2, LobePlan, cluster_spacing
+from skinbake.diffuse.planning.rules import IDENTITY_TEXELS2, cluster_spacing
 from skinbake.diffuse.planning.search import PEAK_SHARE, Candidate, search
 from skinbake.diffuse.probes import Probes, joined_probes
 from skinbake.diffuse.surface_space.clusters import contrast
@@ -74,7 +74,7 @@ def plan_auto(
         probes = joined_probes(probes, also)
 
     # What each lobe should be at the probes, and what each candidate makes of it
-    exact = [memoizer.exact(float(v), probes) for v in gaussians.variance_mm2]
+    exact = [memoizer.at_probes(REFERENCE, LobeParameters(float(v)), probes) for v in gaussians.variance_mm2]
     options = [
         _candidates(memoizer, float(v), probes, want, precision == "half")
         for v, want in zip(gaussians.variance_mm2, exact, strict=True)

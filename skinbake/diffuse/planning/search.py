@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinbake.diffuse.methods import DiffusionMethod, LobeParameters
+from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.planning.judge import Judge
 from skinbake.numerics import Float
 

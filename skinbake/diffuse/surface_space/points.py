@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, first_fundamental_form, signed_uv_area, tile_origin
-from skinbake.diffuse.tiled import Tiled
+from skinbake.atlas import AtlasRaster, Tiled, first_fundamental_form, signed_uv_area, tile_origin
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import Tiled
 from skinbake.diffuse.surface_space.clusters import LEVELS, is_cluster
 from skinbake.diffuse.surface_space.surface_light import LitTile
-from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, bits_below, load, lowest_bit, mul_add
 from skinbake.kernels.threads import parallel_for

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import Tiled, Tiles
 from skinbake.diffuse.surface_space.clusters import MomentPyramid, moment_pyramid
 from skinbake.diffuse.surface_space.points import TexelPoints
-from skinbake.diffuse.tiled import Tiled, Tiles
 
 
 class LitTile(NamedTuple):

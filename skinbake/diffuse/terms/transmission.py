@@ -71,7 +71,7 @@ def transmit(
     weights = _without_counted(weights, diffused, gaussians)
 
     texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
-    coarse = max(1, 2 ** int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0)))))
+    coarse = 1 << transmitted_level(texel_mm)
     small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
     atlas = rasterize(mesh, small, max(2, gutter // coarse), udim)
     occluder = occluder or Occluder(mesh)
@@ -94,6 +94,11 @@ def transmit(
     why = f"{switch}: through thin parts {limit}, worth it from {WORTH * tolerance:.1%}"
     lobe = Lobe(float(gaussians.variance_mm2[-1]), (1.0, 1.0, 1.0), None, rgb) if kept else None
     return lobe, Decision("transmission", kept, why)
+
+
+def transmitted_level(texel_mm: float) -> int:
+    """How often a texture is halved for transmitted light, from the length of a texel of the full size."""
+    return int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0))))
 
 
 def _skin(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index) -> tuple[Image, Image]:

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, first_fundamental_form, signed_uv_area
+from skinbake.atlas import Atlas, Tiled, Tiles, first_fundamental_form, signed_uv_area
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
 from skinbake.diffuse.texture_space.separable import decimate, decimation_weights, masked_light, normalised_blur
-from skinbake.diffuse.tiled import Tiled, Tiles
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import Tiled
 from skinbake.diffuse.bilinear import bilinear_texels
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.texture_space.blur import TexturePyramid, blur_at, level_size
-from skinbake.diffuse.tiled import Tiled
 from skinbake.numerics import Float
 
 
@@ -86,6 +86,14 @@ def blur_around_probes(
         flat, weight = bilinear_texels(probes.place[mine], *level_size(pyramid.levels[0].shape[:2], level))
         found[tile] = TexelBlur(mine, flat, weight, *blur_of_texels(pyramid, variance_texels2, level, flat.reshape(-1)))
     return found
+
+
+def read_blur(blurred: Tiled[TexelBlur], probes: Probes) -> Float:
+    """What reading the stored blur gives at the probes, (P, 3 L), from the texels around them."""
+    out = np.zeros((len(probes), next(iter(blurred.values())).rgb.shape[1]))
+    for texels in blurred.values():
+        out[texels.probe] = texels.read(texels.rgb)
+    return out
 
 
 def blur_of_texels(

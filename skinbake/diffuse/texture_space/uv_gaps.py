@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import Tiled
 from skinbake.diffuse.surface_space.clusters import MomentPyramid
-from skinbake.diffuse.tiled import Tiled
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
