@@ -26,7 +26,6 @@ METHODS: dict[str, DiffusionMethod] = {
         REFERENCE,
     )
 }
-NAMES = (AUTO, *(method.name for method in METHODS.values() if method.asked_for))  # that a look may give
 
 
 def method_asked_for(name: str, normalise: bool = True) -> DiffusionMethod | None:
@@ -37,8 +36,9 @@ def method_asked_for(name: str, normalise: bool = True) -> DiffusionMethod | Non
     InputError
         If there is no such method, or it does not know sums that are not normalised.
     """
-    if name not in NAMES:
-        raise InputError(f"diffusion.method: expected one of {', '.join(NAMES)}, got {name}")
+    names = (AUTO, *(method.name for method in METHODS.values() if method.asked_for))
+    if name not in names:
+        raise InputError(f"diffusion.method: expected one of {', '.join(names)}, got {name}")
     method = None if name == AUTO else METHODS[name]
     if not normalise and not (method and method.classical):
         classical = (each.name for each in METHODS.values() if each.classical)
@@ -49,7 +49,6 @@ def method_asked_for(name: str, normalise: bool = True) -> DiffusionMethod | Non
 __all__ = [
     "IDENTITY",
     "METHODS",
-    "NAMES",
     "RAISE_SIZE",
     "REFERENCE",
     "DiffusionMethod",
