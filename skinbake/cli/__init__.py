@@ -23,6 +23,7 @@ VERBS = {
     "diffuse": "Blur an irradiance EXR into lobes.",
     "fit": "Fit a sum of Gaussians to a skin's profile.",
     "info": "Show where a file or a bake came from.",
+    "init": "Write a first look for a mesh.",
     "irradiance": "Rasterise the light arriving at each texel.",
     "preview": "Show or render what a bake left.",
     "profile": "Evaluate R(r), T(r) and totals of a skin.",

@@ -108,7 +108,7 @@ def _matching(path: Path, raw: RawMesh, key: str, patterns: Sequence[str]) -> se
         parts = {
             part
             for part, (names, label) in enumerate(zip(raw.names, raw.labels, strict=True))
-            if any(fnmatchcase(name, pattern) for name in (*names, label))
+            if any(name == pattern or fnmatchcase(name, pattern) for name in (*names, label))
         }
         if not parts:
             raise InputError(f"{path}: {key}: no part is called {pattern!r}; there are {_listed(raw)}")

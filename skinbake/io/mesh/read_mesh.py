@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,22 +67,28 @@ def read_mesh(
     raw = read_raw(path, uv_set)
     own_mm_per_unit, raw = raw.mm_per_unit, placed(path, raw, mm_per_unit, up, front)
     roles = choose_parts(path, raw, skin, cast, ignore, uvs_needed=unwrap == "none" and not without_uvs)
-    everything = bool(roles.skin.all())
+    mesh = skin_of(raw, roles.skin)
+    if not any_size:
+        refuse_wrong_size(path, mesh.positions_mm, raw.mm_per_unit or 1.0, own_mm_per_unit)
+    bad = np.flatnonzero(~np.isfinite(mesh.corner_uv).all(axis=(1, 2)))
+    if len(bad):
+        raise InputError(f"{path}: expected finite UVs, got NaN or Inf in {len(bad)} triangles, the first is {bad[0]}")
+    has_uvs = bool(raw.has_uv[roles.skin].all())
+    casters = casters_of(raw, roles.cast, flip_v) if roles.cast.any() else None
+    corner_uv = _flipped(mesh.corner_uv) if flip_v and has_uvs else mesh.corner_uv
+    mesh = replace(mesh, corner_uv=corner_uv, casters=casters, notes=roles.notes)
+    return unwrap_mesh(mesh, has_uvs=has_uvs) if unwrap == "xatlas" else mesh
+
+
+def skin_of(raw: RawMesh, skin: NDArray[np.bool_]) -> SkinMesh:
+    """Triangles of a mesh, already in millimetres, as skin: welded, with unit normals."""
+    everything = bool(skin.all())
 
     def chosen(rows: NDArray) -> NDArray:
         """The rows of the skin's triangles."""
-        return rows if everything else rows[roles.skin]
+        return rows if everything else rows[skin]
 
     positions, faces = _weld(raw.positions, chosen(raw.faces))
-    if not any_size:
-        refuse_wrong_size(path, positions, raw.mm_per_unit or 1.0, own_mm_per_unit)
-    corner_uv, has_uv = chosen(raw.corner_uv), chosen(raw.has_uv)
-    bad = np.flatnonzero(~np.isfinite(corner_uv).all(axis=(1, 2)))
-    if len(bad):
-        raise InputError(f"{path}: expected finite UVs, got NaN or Inf in {len(bad)} triangles, the first is {bad[0]}")
-    if flip_v and has_uv.all():
-        corner_uv = _flipped(corner_uv)
-
     # What is no direction is left out, and made from the triangles
     normal = chosen(raw.corner_normal)
     usable = np.isfinite(normal) & (np.abs(normal) < LARGEST)
@@ -89,11 +96,7 @@ def read_mesh(
     missing = ~normal.any(axis=2)
     if missing.any():
         normal[missing] = smooth_vertex_normals(positions, faces)[faces[missing]]
-    casters = casters_of(raw, roles.cast, flip_v) if roles.cast.any() else None
-    mesh = SkinMesh(
-        positions, faces, corner_uv, normal, chosen(raw.part), raw.labels, casters=casters, notes=roles.notes
-    )
-    return unwrap_mesh(mesh, has_uvs=bool(has_uv.all())) if unwrap == "xatlas" else mesh
+    return SkinMesh(positions, faces, chosen(raw.corner_uv), normal, chosen(raw.part), raw.labels)
 
 
 def casters_of(raw: RawMesh, cast: NDArray[np.bool_], flip_v: bool = False) -> Casters:

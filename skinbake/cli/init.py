@@ -1,0 +1,24 @@
+"""`skinbake init MESH`: a first look for a mesh."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command("init")
+@click.argument("mesh", type=click.Path(dir_okay=False))
+@click.option("--out", type=click.Path(dir_okay=False), help="YAML file to write; by default the mesh's name, here.")
+@click.option("--force", is_flag=True, help="Write over a file that is there.")
+def command(mesh: str, out: str | None, force: bool) -> None:
+    """Write a commented look for MESH that bakes as it stands: unit, parts and maps found, three lights placed."""
+    from pathlib import Path
+
+    from skinbake.errors import InputError
+    from skinbake.io.atomic import write_text
+    from skinbake.io.first_look import first_look
+
+    path, look = Path(mesh), Path(out or Path(mesh).with_suffix(".yaml").name)
+    if look.exists() and not force:
+        raise InputError(f"{look}: is there already; say --force to write over it, or --out for another name")
+    write_text(look, first_look(path, look))
+    print(f"{look}\nnext: skinbake check {look}, then skinbake bake {look}")
