@@ -24,7 +24,8 @@ ORDER = [
     "tradeoff",
     "preview",
     "io",
-    "bake",
+    "baking",
+    "api",
     "batch",
     "cli",
 ]

@@ -21,8 +21,8 @@ from skinbake.errors import InputError, SkinbakeError
 from skinbake.io.atomic import write_text
 from skinbake.io.batch_file import Batch, BatchJob
 from skinbake.io.batch_report import NAME, read_batch_report
+from skinbake.io.code_digest import package_digest
 from skinbake.io.contact_sheet import Cell, write_contact_sheet
-from skinbake.io.fingerprint import code_key
 from skinbake.io.lock import file_lock
 
 SHEET = "batch.png"
@@ -69,7 +69,7 @@ class Plan:
     def bake_job(self, job: BatchJob) -> BakeJob:
         """Order for the process that bakes this job."""
         cache = str(self.cache) if self.cache else None
-        return BakeJob(job.spec, self.force, self.preview, cache, self.cache_bytes, code_key("."))
+        return BakeJob(job.spec, self.force, self.preview, cache, self.cache_bytes, package_digest())
 
 
 def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
@@ -155,16 +155,15 @@ def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
 
 def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
     """A line a look, naming the stages that would run and why; and whether every input is there."""
-    from skinbake.bake.dry_run import stale_stages
-    from skinbake.bake.folder import BakeFolder
-    from skinbake.bake.session import BakeSession
+    from skinbake.baking.dry_run import stale_stages
+    from skinbake.baking.session import BakeSession
 
     lines, ok = [], True
     for job in plan.selected:
         order = plan.bake_job(job)
         session = BakeSession.of(order.cache, order.cache_bytes)
         try:
-            stale = stale_stages(BakeFolder(job.spec, plan.force, verbosity=0, session=session), plan.preview)
+            stale = stale_stages(job.spec, plan.force, plan.preview, session)
             text = "; ".join(f"{stage}: {why}" for stage, why in stale.items()) or "as it was"
         except SkinbakeError as error:
             text, ok = f"cannot be baked: {error}", False

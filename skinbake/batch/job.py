@@ -44,12 +44,12 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
     MachineError
         Another machine may do better: disk full, no OpenGL, other code than the one that gave the job.
     """
-    from skinbake.bake.baking import bake_look
-    from skinbake.bake.session import BakeSession
-    from skinbake.io.fingerprint import code_key
+    from skinbake.baking.bake_look import bake_look
+    from skinbake.baking.session import BakeSession
+    from skinbake.io.code_digest import package_digest
     from skinbake.io.manifest import read_manifest
 
-    if code_key(".") != job.code:
+    if package_digest() != job.code:
         raise MachineError("this worker runs another version of skinbake than the one that sent the job; update it")
     start = time.perf_counter()
     stages: dict[str, bool] = {}

@@ -20,7 +20,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from skinbake.bake.machine import reuse_freed
+from skinbake.baking.machine import reuse_freed
 from skinbake.errors import SkinbakeError
 from skinbake.kernels.threads import processors
 

@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 import skinbake
-from skinbake.bake.machine import reuse_freed
+from skinbake.baking.machine import reuse_freed
 from skinbake.errors import SkinbakeError, printable
 
 VERBS = {

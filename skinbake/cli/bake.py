@@ -29,8 +29,8 @@ def command(
     verbosity: int,
 ) -> None:
     """Bake CONFIG: profile, irradiance, diffusion, measured error, preview."""
-    from skinbake.bake.baking import bake_look
-    from skinbake.bake.session import BakeSession
+    from skinbake.baking.bake_look import bake_look
+    from skinbake.baking.session import BakeSession
     from skinbake.io.cache import DEFAULT_LIMIT_BYTES, cache_folder
     from skinbake.io.config import load_look
 

@@ -60,16 +60,18 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
     import numpy as np
 
     from skinbake.atlas import tiles_of
+    from skinbake.atlas.look_atlas import look_atlas
     from skinbake.atlas.report import report_picture, uv_report
+    from skinbake.diffuse.scatter import refuse_too_large
     from skinbake.io.mesh import guess_orientation, part_table
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
-    from skinbake.pipeline import atlas_of, refuse_too_large
+    from skinbake.irradiance.decide import decide
     from skinbake.profile import fit_skin
 
     scene = read_scene(spec, rays=False)
-    refuse_too_large(spec, len(tiles_of(scene.mesh, spec.texture.udim)))
-    atlas = atlas_of(spec, scene.mesh)
+    refuse_too_large(spec, decide(spec), len(tiles_of(scene.mesh, spec.texture.udim)))
+    atlas = look_atlas(spec.texture, scene.mesh)
     uv = uv_report(scene.mesh, atlas)
     path = getattr(spec.skin, "path", None)
     gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians

@@ -15,11 +15,7 @@ from skinbake.cli.options import config_argument, force_option, out_option, quie
 @quiet_option
 def command(config: str, out: str | None, overrides: tuple[str, ...], force: bool, verbosity: int) -> None:
     """Rasterise CONFIG's mesh into UV space, light it, and write irradiance.exr."""
-    from skinbake.bake.stage_runner import StageRunner
+    from skinbake.baking.light_look import light_look
     from skinbake.io.config import load_look
 
-    stages = StageRunner(load_look(config, overrides, out), force, verbosity)
-    stages.refuse_spoilt()
-    with stages.locked():
-        stages.irradiance()
-    print(stages.out / "irradiance.exr")
+    print(light_look(load_look(config, overrides, out), force, verbosity) / "irradiance.exr")

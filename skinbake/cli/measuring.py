@@ -206,24 +206,27 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     at : Probed, optional
         Probes of another texture size instead.
     """
-    from skinbake import pipeline
+    from skinbake.atlas.look_atlas import look_atlas
     from skinbake.diffuse.draw_probes import draw_probes
     from skinbake.diffuse.methods import REFERENCE, LobeParameters
     from skinbake.diffuse.probes import Probes, read_at_probes
     from skinbake.diffuse.resources import LobeResources
+    from skinbake.diffuse.scatter import albedo_of
     from skinbake.diffuse.skin_geometry import SkinGeometry
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
+    from skinbake.irradiance.decide import decide
+    from skinbake.irradiance.light_skin import light_skin
     from skinbake.profile import fit_skin
 
     scene = read_scene(spec)
     path = getattr(spec.skin, "path", None)
     gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians
-    atlas = pipeline.atlas_of(spec, scene.mesh)
-    irradiance = pipeline.light_skin(spec, scene, atlas)
+    atlas = look_atlas(spec.texture, scene.mesh)
+    irradiance = light_skin(spec, decide(spec), scene, atlas)
     exponent = np.float32(spec.texturing.exponent_before)
     source = {
-        raster.tile: (tile.total[None] * pipeline.albedo_of(scene.maps, raster, scene.mesh) ** exponent)
+        raster.tile: (tile.total[None] * albedo_of(scene.maps, raster, scene.mesh) ** exponent)
         for tile, raster in zip(irradiance, atlas, strict=True)
     }
     del irradiance
@@ -286,7 +289,7 @@ def _albedo_after(spec: SceneSpec, albedo: Any, constant: tuple[float, float, fl
 
 def _bake(spec: SceneSpec, folder: Path) -> dict[str, Any]:
     """Bake into a folder and give the manifest, also where the tolerance was missed."""
-    from skinbake.bake.baking import bake_look
+    from skinbake.baking.bake_look import bake_look
     from skinbake.io.manifest import read_manifest
 
     spec = spec.model_copy(update={"output": spec.output.model_copy(update={"dir": str(folder)})})
@@ -328,7 +331,7 @@ def _picture(folder: Path) -> NDArray[np.float32] | None:
 
 def own_peak_mib() -> float:
     """Largest resident size of this process, MiB; on Linux without what its parent had when it was started."""
-    from skinbake.bake.machine import peak_memory_mib
+    from skinbake.baking.machine import peak_memory_mib
 
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text().splitlines():

@@ -103,7 +103,7 @@ def render_still(
     **how
         As `preview_worker.render`.
     """
-    from skinbake.bake.preview_worker import render
+    from skinbake.baking.render_views import render
     from skinbake.io.bake_folder import read_bake_folder
     from skinbake.preview.draw import OffscreenRenderer
 

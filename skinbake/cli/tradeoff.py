@@ -123,10 +123,11 @@ class Measurements:
         return self._key(self.specs[setting.overrides], self.references[setting.reference])
 
     def _key(self, spec: SceneSpec, reference: Reference) -> str:
-        from skinbake.io.fingerprint import code_key, key_of
+        from skinbake.io.code_digest import code_digest
+        from skinbake.io.digests import key_of
 
         parts = (_plain(spec), _plain(self.specs[reference.overrides]), self.inputs, self.points, self.picture)
-        return key_of(code_key("profile", "atlas", "irradiance", "diffuse", "tradeoff"), *parts)[:16]
+        return key_of(code_digest("skinbake.cli.measuring", "skinbake.tradeoff"), *parts)[:16]
 
     def measure(self, repeats: int) -> bool:
         """Bring every setting to `repeats` runs, in alternating order; True if Ctrl-C ended it."""

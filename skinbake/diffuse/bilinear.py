@@ -45,3 +45,28 @@ def bilinear_texels(place: Float, height: int, width: int) -> tuple[NDArray[np.i
     cols = [np.clip(c, 0, width - 1) for c in (c0, c0 + 1, c0, c0 + 1)]
     weight = np.stack([(1 - fr) * (1 - fc), (1 - fr) * fc, fr * (1 - fc), fr * fc], axis=1)
     return np.stack([r * width + c for r, c in zip(rows, cols, strict=True)], axis=1), weight
+
+
+def magnify_bilinear(image: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:
+    """An image read at the texel centres of another size, as a GPU does: bilinear, clamped to the edge texels.
+
+    Parameters
+    ----------
+    image : ndarray of shape (h, w, C), float32
+    shape : (H, W)
+        Of the result; both images span the same square.
+
+    Returns
+    -------
+    ndarray of shape (H, W, C), float32
+    """
+    for axis, size in enumerate(shape):
+        count = image.shape[axis]
+        if count == size:
+            continue
+        place = np.clip((np.arange(size) + 0.5) * (count / size) - 0.5, 0, count - 1)
+        low = np.minimum(place.astype(np.int64), max(count - 2, 0))
+        share = (place - low).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(3)])
+        first, second = image.take(low, axis), image.take(np.minimum(low + 1, count - 1), axis)
+        image = first + (second - first) * share
+    return image

@@ -4,50 +4,12 @@ stale.
 
 from __future__ import annotations
 
-import hashlib
-import json
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 from skinbake.errors import InputError
+from skinbake.io.digests import key_of, sha256_of
 from skinbake.io.mesh.files import mesh_files
 from skinbake.scene.spec import SceneSpec
-
-PACKAGE = Path(__file__).parent.parent
-
-
-def sha256_of(path: Path | str) -> str:
-    """Digest of a file's bytes.
-
-    Raises
-    ------
-    InputError
-        The file is missing or cannot be read.
-    """
-    try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError) as error:  # ValueError: a NUL byte, from a damaged manifest
-        got = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{path}: expected a file that can be read, got: {got}") from error
-
-
-def key_of(*parts: Any) -> str:
-    """Digest of plain values (anything JSON can hold)."""
-    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
-
-
-@cache
-def code_key(*parts: str) -> str:
-    """Digest of the package's shared modules and of `parts`, folders or files: results of other code are not reused."""
-    files = [*PACKAGE.glob("*.py"), *(PACKAGE / "scene").glob("*.py")]
-    for part in parts:
-        files += (PACKAGE / part).rglob("*.py") if (PACKAGE / part).is_dir() else [PACKAGE / part]
-    digest = hashlib.sha256()
-    for file in sorted(set(files)):
-        digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + file.read_bytes())
-    return digest.hexdigest()
 
 
 def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -69,25 +68,20 @@ def write_irradiance(
 
 def plan_text(lines: tuple[Decision, ...]) -> str:
     """A light's plan as JSON."""
-    return json.dumps([asdict(line) for line in lines])
+    return json.dumps([line.record() for line in lines])
 
 
 def plan_of_text(text: str) -> tuple[Decision, ...]:
     """A light's plan from the JSON of `plan_text`."""
-    return tuple(Decision(**line) for line in json.loads(text))
+    return tuple(Decision.from_record(line) for line in json.loads(text))
 
 
-def light_keys(path: Path) -> dict[str, str]:
-    """Stage key of each light in a file; empty where there is no such file, or one of another kind."""
+def part_keys(path: Path) -> dict[str, str]:
+    """Stage key of each part of a file: of each light, and of all; empty where there is no such file."""
     try:
-        headers = read_attributes(path)
+        return {name: str(header.get("skinbake:key", "")) for name, header in read_attributes(path).items()}
     except InputError:
         return {}
-    return {
-        name.removeprefix(LIGHT): str(header.get("skinbake:key", ""))
-        for name, header in headers.items()
-        if name.startswith(LIGHT)
-    }
 
 
 def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) -> IrradianceMap:

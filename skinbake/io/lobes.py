@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe, MeasuredError
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, read_attributes, rgb_channels, write_parts
+from skinbake.io.exr import Part, channel_of, read_attributes, read_parts, rgb_channels, write_parts
 from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
 from skinbake.stored_precision import as_stored
 
@@ -104,7 +104,7 @@ def write_lobes(
             for name, lobe in zip(names, result.lobes, strict=True)
         ],
         "error": asdict(result.error) if result.error else None,
-        "plan": [asdict(line) for line in result.plan],
+        "plan": [line.record() for line in result.plan],
         "tolerance_met": result.tolerance_met,
         "advice": result.advice,
     }
@@ -175,10 +175,37 @@ def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, .
         tuple(summary["lights"]),
         tuple(lobes),
         error,
-        tuple(Decision(**line) for line in summary["plan"]),
+        tuple(Decision.from_record(line) for line in summary["plan"]),
         tolerance_met=summary["tolerance_met"],
         advice=summary["advice"],
     )
+
+
+def read_totals(folder: Path, result: DiffuseMap, udim: bool) -> DiffuseMap:
+    """Lobes with the sums over their lights, as `StoredLobe`s, still without the lights themselves.
+
+    Parameters
+    ----------
+    folder : Path
+    result : DiffuseMap
+        From `read_summary`.
+    udim : bool
+        Whether each tile has its own file.
+
+    Raises
+    ------
+    InputError
+        A file is missing or damaged.
+    """
+    lobes = []
+    for index, lobe in enumerate(result.lobes):
+        total = {}
+        for tile in lobe.rgb:
+            path = tile_path(folder / lobe_name(index, lobe), tile, udim)
+            parts = read_parts(path, [TOTAL])
+            total[tile] = np.stack([channel_of(path, parts, TOTAL, c) for c in "RGB"], axis=-1)
+        lobes.append(StoredLobe(**vars(lobe) | {"total": total}))
+    return replace(result, lobes=tuple(lobes))
 
 
 def _header(path: Path) -> dict[str, Any]:

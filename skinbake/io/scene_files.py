@@ -10,7 +10,7 @@ from skinbake.io.image import read_environments, read_maps
 from skinbake.io.mesh import read_look_mesh
 from skinbake.io.repaint import repaint
 from skinbake.irradiance.occluder import Occluder
-from skinbake.pipeline import SceneData
+from skinbake.irradiance.scene_data import SceneData
 from skinbake.scene.spec import SceneSpec
 
 

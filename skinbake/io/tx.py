@@ -45,20 +45,31 @@ def write_tx(exr: Path, coverage: NDArray[np.floating] | None = None) -> list[Pa
     """
     written = []
     for name, part in read_parts(exr).items():
-        light = name.removeprefix(LIGHT) if name.startswith(LIGHT) else None
-        if light is None and name != TOTAL:
+        if name != TOTAL and not name.startswith(LIGHT):
             raise InputError(f"{exr}: expected parts {TOTAL} and {LIGHT}NAME, got {name}")
-        path = tx_path(exr, light)
+        path = _path_of_part(exr, name)
         _write(path, part, _known(part.rgb, coverage))
         written.append(path)
     return written
+
+
+def tx_paths(exr: Path) -> list[Path]:
+    """Every .tx that `write_tx` makes of an EXR; none where there is no such file."""
+    try:
+        return [_path_of_part(exr, name) for name in read_attributes(exr)]
+    except InputError:
+        return []
+
+
+def _path_of_part(exr: Path, part: str) -> Path:
+    return tx_path(exr, part.removeprefix(LIGHT) if part.startswith(LIGHT) else None)
 
 
 def is_current(exr: Path) -> bool:
     """Whether every .tx of an EXR was made from it as it is now."""
     try:
         for name, header in read_attributes(exr).items():
-            path = tx_path(exr, name.removeprefix(LIGHT) if name.startswith(LIGHT) else None)
+            path = _path_of_part(exr, name)
             if _identity(header) != next(iter(read_attributes(path).values())).get("skinbake:source"):
                 return False
     except InputError:

@@ -1,14 +1,62 @@
-"""Decision: one line of the plan."""
+"""Decision: one line of the plan; Decisions: what follows from a look alone."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
+
+TOTAL_LIGHT = "total"
 
 
 @dataclass(frozen=True)
 class Decision:
-    """One decision: what was kept or left out, and the number that decided it."""
+    """One line of the plan.
+
+    Attributes
+    ----------
+    term : str
+        What was decided about.
+    enabled : bool
+        Whether the term is computed.
+    why : str
+        The number that decided, in a sentence.
+    """
 
     term: str
-    kept: bool
+    enabled: bool
     why: str
+
+    def record(self) -> dict[str, Any]:
+        """The line as the manifest and the EXR headers hold it: `term`, `kept`, `why`."""
+        return {"term": self.term, "kept": self.enabled, "why": self.why}
+
+    @staticmethod
+    def from_record(record: Mapping[str, Any]) -> Decision:
+        """The line that `record` made.
+
+        Raises
+        ------
+        KeyError
+            The mapping is not such a line.
+        """
+        return Decision(record["term"], record["kept"], record["why"])
+
+
+@dataclass(frozen=True)
+class Decisions:
+    """What follows from a look alone, before anything is computed; made once by `decide` and passed on.
+
+    Attributes
+    ----------
+    energy_conservation : Decision
+        Whether the oil layer's share is taken off the light that enters the skin.
+    separate_lights : bool
+        Whether each light is diffused and stored on its own.
+    stored_lights : tuple of str
+        Names of the lights that lobes hold: those of the look, or "total" where they are summed before diffusion.
+    """
+
+    energy_conservation: Decision
+    separate_lights: bool
+    stored_lights: tuple[str, ...]

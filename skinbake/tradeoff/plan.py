@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinbake.diffuse.methods import METHODS
-from skinbake.pipeline import energy_conservation
+from skinbake.irradiance.decide import decide
 from skinbake.scene.skin import DipoleSkin, LayerSpec, MultipoleSkin, TransportSkin
 from skinbake.scene.spec import SceneSpec
 
@@ -77,7 +77,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     """
     level = EXTENTS.index(extent)
     # Terms that `auto` decides by the tolerance must not change along the way
-    oil = "on" if energy_conservation(spec).kept else "off"
+    oil = "on" if decide(spec).energy_conservation.enabled else "off"
     base = (_size(size, 1), "diffusion.probes=0", "terms.transmission=off", f"terms.energy_conservation={oil}")
     finest_skin = _finest_skin(spec)
     references = [

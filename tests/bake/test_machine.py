@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from skinbake.bake.machine import reuse_freed
+from skinbake.baking.machine import reuse_freed
 from skinbake.cli.measuring import in_child
 
 

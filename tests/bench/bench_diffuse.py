@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from skinbake.atlas import face_mm_per_texel, interpolate, rasterize
-from skinbake.bake.machine import reuse_freed
+from skinbake.baking.machine import reuse_freed
 from skinbake.diffuse import diffuse
 from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.methods.hybrid import LOOSE
@@ -150,9 +150,11 @@ def hard_key(mesh, atlas) -> dict:
 
 def seconds_of_one_light(size: int) -> dict[str, float]:
     """Lighting the scan by one sun as a bake does it, and what of it are shadows; what rays meet is there already."""
+    from skinbake.atlas.look_atlas import look_atlas
     from skinbake.io.config import load_look
     from skinbake.io.scene_files import read_scene
-    from skinbake.pipeline import atlas_of, light_skin
+    from skinbake.irradiance.decide import decide
+    from skinbake.irradiance.light_skin import light_skin
 
     look = f"""
 mesh: {{path: "{SCAN[0] / "head.obj"}", mm_per_unit: 50.35}}
@@ -165,10 +167,10 @@ output: {{dir: out}}
         (Path(folder) / "look.yaml").write_text(look)
         spec = load_look(Path(folder) / "look.yaml")
         scene = read_scene(spec)
-    atlas = atlas_of(spec, scene.mesh)
+    atlas = look_atlas(spec.texture, scene.mesh)
     assert scene.occluder
     bright = spec.model_copy(update={"shadows": False})
-    with_shadows, without = (best(lambda s=s: light_skin(s, scene, atlas), 5)[0] for s in (spec, bright))
+    with_shadows, without = (best(lambda s=s: light_skin(s, decide(s), scene, atlas), 5)[0] for s in (spec, bright))
     return {"seconds_of_one_light": with_shadows, "seconds_of_its_shadows": with_shadows - without}
 
 

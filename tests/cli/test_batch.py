@@ -60,7 +60,7 @@ class Here:
 @pytest.fixture
 def here(monkeypatch):
     monkeypatch.setattr("skinbake.batch.batching.ProcessPool", Here)
-    monkeypatch.setattr("skinbake.bake.session._LAST", {})
+    monkeypatch.setattr("skinbake.baking.session._LAST", {})
 
 
 @pytest.fixture

@@ -232,12 +232,14 @@ def test_an_input_that_vanishes_is_named_and_its_return_heals(bakes):
 
 def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
     """Else its results would be kept under the key of what it was before."""
-    from skinbake.bake import look_folder
+    from skinbake.baking import inputs
+    from skinbake.baking.session import BakeSession
+    from skinbake.baking.stage_log import StageLog
     from skinbake.io.config import load_look
 
-    stage = look_folder.BakeFolder(load_look(bakes.folder / "look.yaml"), verbosity=0)
-    assert stage.inputs["mesh"]
-    read = look_folder.read_scene
+    look = inputs.BakeInputs(load_look(bakes.folder / "look.yaml"), BakeSession(), StageLog())
+    assert look.digests["mesh"]
+    read = inputs.read_scene
 
     def read_and_touch(spec):
         scene = read(spec)
@@ -245,9 +247,9 @@ def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
             file.write("# edited\n")
         return scene
 
-    monkeypatch.setattr(look_folder, "read_scene", read_and_touch)
+    monkeypatch.setattr(inputs, "read_scene", read_and_touch)
     with pytest.raises(InputError, match=r"mesh\.obj: it was changed while it was read; run again"):
-        _ = stage.scene
+        look.scene()
 
 
 def test_a_cut_file_is_made_anew(bakes):

@@ -44,7 +44,7 @@ def child(command: dict, counter: int, said: str) -> None:
 
 def serve() -> None:
     """Answer commands until stdin ends."""
-    import skinbake.bake.baking
+    import skinbake.baking.bake_look
     import skinbake.cli.preview  # noqa: F401
 
     for line in sys.stdin:

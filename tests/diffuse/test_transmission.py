@@ -110,7 +110,7 @@ def test_a_lit_slab_glows_with_its_transmittance(method):
     profile, mesh, size = gaussians(energy=0.5), slab_mesh(3.0), (90, 40)
     _, diffused = lit_below(mesh, profile, size, method=method)
     lobe, plan = transmit(diffused, mesh, profile, size, 4, False, np.array([0.5] * 3), "on", 0.01)
-    assert plan.kept
+    assert plan.enabled
     weights = slab_weights(profile, np.full(3, 0.5))
     expected = at(weights, 3.0)
     if method == "surface":
@@ -212,8 +212,8 @@ def test_auto_leaves_out_what_is_too_thick():
     _, diffused = lit_below(mesh, profile, size)
     lobe, plan = transmit(diffused, mesh, profile, size, 4, False, np.array([0.5] * 3), "auto", 0.01)
     assert lobe is None
-    assert not plan.kept
+    assert not plan.enabled
     assert "%" in plan.why
     assert transmit(diffused, mesh, profile, size, 4, False, np.array([0.5] * 3), "off", 0.01)[0] is None
     _, diffused = lit_below(slab_mesh(2.0), profile, size)
-    assert transmit(diffused, slab_mesh(2.0), profile, size, 4, False, np.array([0.5] * 3), "auto", 0.01)[1].kept
+    assert transmit(diffused, slab_mesh(2.0), profile, size, 4, False, np.array([0.5] * 3), "auto", 0.01)[1].enabled

@@ -9,7 +9,7 @@ import pytest
 
 from skinbake.errors import InputError
 from skinbake.io.cache import Cache, cache_folder
-from skinbake.io.fingerprint import key_of
+from skinbake.io.digests import key_of
 
 KEYS = {name: key_of(name) for name in ("key", "fill", "rim")}
 

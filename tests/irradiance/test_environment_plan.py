@@ -40,7 +40,7 @@ def street(contrast: float):
 
 
 def terms(found):
-    return {line.term: line.kept for line in found.lines}
+    return {line.term: line.enabled for line in found.lines}
 
 
 def test_a_smooth_sky_takes_harmonics_and_a_sun_the_table():
@@ -55,8 +55,8 @@ def test_a_smooth_sky_takes_harmonics_and_a_sun_the_table():
     options = {"environments": {"sky": street(1.0)}, "shadows": False}
     _, exact = light_one(mesh, light, tolerance=1e-5, **options)
     _, harmonic = light_one(mesh, light, tolerance=0.01, **options)
-    assert exact.plan["sky"][0].kept is False
-    assert harmonic.plan["sky"][0].kept is True
+    assert exact.plan["sky"][0].enabled is False
+    assert harmonic.plan["sky"][0].enabled is True
     error = np.linalg.norm(harmonic.rgb - exact.rgb) / np.linalg.norm(exact.rgb)
     assert 0 < error < 0.0025
 
@@ -103,7 +103,7 @@ def test_shadowed_light_is_within_the_tolerance(tolerance):
     error = np.linalg.norm((ours.rgb[0] - exact.rgb[0]) * weight) / np.linalg.norm(exact.rgb[0] * weight)
     assert error < tolerance
     line = ours.plan["sky"][1]
-    assert line.kept
+    assert line.enabled
     assert "directions" in line.why
 
 
@@ -121,7 +121,7 @@ def test_a_black_sky_is_black():
     """Nothing to measure, nothing to trace, nothing that is not finite."""
     _, result = light_one(quad(), sky(radiance=(0, 0, 0)))
     assert (result.rgb == 0).all()
-    assert not result.plan["sky"][1].kept
+    assert not result.plan["sky"][1].enabled
 
 
 LOOK = """
@@ -151,23 +151,6 @@ def test_the_plan_is_kept_with_the_light(tmp_path):
     for out, more in (("a", cache), ("a", ["--set", "skin.variance_mm2=[0.6]"]), ("b", cache)):
         assert run(["bake", str(look), "--out", str(tmp_path / out), "--quiet", "--no-preview", *more]) in (0, 1)
         plan = json.loads((tmp_path / out / "bake.json").read_text())["plan"]
-        told.append([Decision(**line) for line in plan if line["term"].startswith("sky.")])
+        told.append([Decision.from_record(line) for line in plan if line["term"].startswith("sky.")])
     assert [line.term for line in told[0]] == ["sky.harmonics", "sky.shadows"]
     assert told[0] == told[1] == told[2]
-
-
-def test_the_tolerance_is_part_of_a_sky_s_key_only():
-    """Another tolerance plans the sky anew, and leaves the other lights' files as they are."""
-    import yaml
-
-    from skinbake.bake.keys import light_key
-    from skinbake.scene.spec import SceneSpec
-
-    data = yaml.safe_load(LOOK.format(mesh="m.obj"))
-    inputs = {"mesh": "0"}
-    keys = []
-    for tolerance in (0.05, 0.01):
-        spec = SceneSpec.model_validate(data | {"diffusion": {"tolerance": tolerance}})
-        keys.append([light_key(spec, inputs, name, False) for name in ("sky", "key")])
-    assert keys[0][0] != keys[1][0]
-    assert keys[0][1] == keys[1][1]

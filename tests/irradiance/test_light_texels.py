@@ -42,7 +42,7 @@ def test_a_light_that_no_skin_gets_is_told_of():
     atlas = rasterize(sheets, (32, 32), udim=True)
     lights = [sun(0, 0, 1).model_copy(update={"name": "behind"}), sun(0, 0, -1)]
     for tile in light_texels(atlas, sheets, SkinMaps(), lights, shadows=False):
-        assert [(name, line.kept) for name, lines in tile.plan.items() for line in lines] == [("behind", False)]
+        assert [(name, line.enabled) for name, lines in tile.plan.items() for line in lines] == [("behind", False)]
     half = PointLight(name="near", type="point", position_mm=(30, 0, 5), intensity=(1, 1, 1))
     corner = joined(quad(uv_box=(0, 0, 1, 1)), quad(uv_box=(1, 0, 2, 1), z_mm=10))
     (first, second) = light_texels(rasterize(corner, (32, 32), udim=True), corner, SkinMaps(), [half], shadows=False)

@@ -1,0 +1,190 @@
+"""BakedSkin: what a bake leaves, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.diffuse import MeasuredError
+from skinbake.diffuse.bilinear import magnify_bilinear
+from skinbake.errors import InputError
+from skinbake.numerics import Float
+from skinbake.scene.decision import Decision
+from skinbake.scene.spec import SceneSpec
+
+Image = NDArray[np.float32]
+Gains = Mapping[str, float | Sequence[float]]
+
+
+class Pixels(Protocol):
+    """Where the arrays of a bake are. Without a light's name they give the sum over the lights."""
+
+    def irradiance(self, tile: int, light: str | None) -> Image:
+        """Light arriving, (H, W, 3)."""
+
+    def lobe(self, index: int, tile: int, light: str | None) -> Image:
+        """A lobe as it is stored, (h, w, 3).
+
+        Parameters
+        ----------
+        index : int
+        tile : int
+        light : str, optional
+        """
+
+    def albedo(self, tile: int) -> Image:
+        """Linear albedo of the skin, (H, W, 3) or (1, 1, 3)."""
+
+
+class BakedSkin:
+    """Light on skin, baked: in memory by `skinbake.bake`, or read from a folder by `skinbake.open_bake`.
+
+    Attributes
+    ----------
+    look : SceneSpec
+        What was baked.
+    lights : tuple of str
+        Lights that can be asked for by name: all of the look for `irradiance`; for the others too, unless the look
+        says `output.lights: total`.
+    tiles : tuple of int
+        UDIM numbers; (1001,) where there are no tiles.
+    variance_mm2 : ndarray of shape (N,)
+        Of each lobe, narrowest first. Light through thin parts, where there is any, comes last.
+    weight_rgb : ndarray of shape (N, 3)
+        Of each lobe.
+    error : MeasuredError, optional
+        Measured against the surface integral of the same Gaussians: `rms`, `p95`, `max`, of these `method` and
+        `storage`, and the number of `probes`. None where the look asks for none.
+    plan : tuple of Decision
+        What was decided, `term`, `enabled` and `why`.
+    """
+
+    def __init__(
+        self,
+        look: SceneSpec,
+        pixels: Pixels,
+        lights: tuple[str, ...],
+        tiles: tuple[int, ...],
+        variance_mm2: Float,
+        weight_rgb: Float,
+        error: MeasuredError | None,
+        plan: tuple[Decision, ...],
+    ) -> None:
+        self.look, self.lights, self.tiles, self.error, self.plan = look, lights, tiles, error, plan
+        self.variance_mm2, self.weight_rgb = variance_mm2, weight_rgb
+        self._pixels = pixels
+
+    @property
+    def tolerance_met(self) -> bool:
+        """Whether the measured error is within `diffusion.tolerance`; True where none was measured."""
+        return self.error is None or self.error.rms <= self.look.diffusion.tolerance
+
+    def irradiance(self, light: str | None = None, tile: int | None = None) -> Image:
+        """Light arriving at each texel, W/m^2-like, linear Rec.709.
+
+        Parameters
+        ----------
+        light : str, optional
+            One light; the sum of all by default.
+        tile : int, optional
+            UDIM number; the first tile by default.
+
+        Returns
+        -------
+        ndarray of shape (H, W, 3), float32
+            Row 0 is v = 1.
+
+        Raises
+        ------
+        InputError
+            There is no such light or tile, or a file is missing or damaged.
+        """
+        if light is not None and light not in self.lights:
+            raise InputError(f"light: expected one of {', '.join(self.lights)}, got {light}")
+        return self._pixels.irradiance(self._tile(tile), light)
+
+    def lobe(self, index: int, light: str | None = None, tile: int | None = None) -> Image:
+        """One lobe as it is stored, which may be smaller than the texture: light blurred by its Gaussian.
+
+        Parameters
+        ----------
+        index : int
+            0 is the narrowest.
+        light : str, optional
+            One light; the sum of all by default.
+        tile : int, optional
+            UDIM number; the first tile by default.
+
+        Returns
+        -------
+        ndarray of shape (h, w, 3), float32
+
+        Raises
+        ------
+        InputError
+            There is no such lobe, light or tile, or a file is missing or damaged.
+        """
+        if not 0 <= index < len(self.weight_rgb):
+            raise InputError(f"lobe: expected 0 to {len(self.weight_rgb) - 1}, got {index}")
+        return self._pixels.lobe(index, self._tile(tile), self._stored(light))
+
+    def radiant_exitance(self, gains: Gains | None = None, tile: int | None = None) -> Image:
+        """Light leaving the skin, M: the lobes read bilinearly at full size, weighted and summed; L = M / pi.
+
+        Light through thin parts is in it, and what of the albedo comes after scattering.
+
+        Parameters
+        ----------
+        gains : mapping of light name to float or (R, G, B), optional
+            Factors on lights; 1 for those that are not named.
+        tile : int, optional
+            UDIM number; the first tile by default.
+
+        Returns
+        -------
+        ndarray of shape (H, W, 3), float32
+
+        Raises
+        ------
+        InputError
+            There is no such light or tile, the bake has summed its lights, or a file is missing or damaged.
+
+        References
+        ----------
+        [dEon2007]
+        """
+        tile = self._tile(tile)
+        width, height = self.look.texture.size
+        factors = {name: np.broadcast_to(np.asarray(gain, np.float32), 3) for name, gain in (gains or {}).items()}
+        lights: list[str | None] = [None]
+        if any((factor != 1).any() for factor in factors.values()):
+            lights = [self._stored(name) for name in dict.fromkeys((*factors, *self.lights))]
+        else:
+            for name in factors:
+                self._stored(name)
+        total = np.zeros((height, width, 3), np.float32)
+        for index, weight in enumerate(self.weight_rgb.astype(np.float32)):
+            lobe = sum(self._pixels.lobe(index, tile, name) * factors.get(str(name), np.float32(1)) for name in lights)
+            total += weight * magnify_bilinear(np.asarray(lobe, np.float32), (height, width))
+        after = 1 - self.look.texturing.exponent_before
+        if after:
+            total *= self._pixels.albedo(tile) ** np.float32(after)
+        return total
+
+    radiance_exitance = radiant_exitance
+
+    def _tile(self, tile: int | None) -> int:
+        if tile is not None and tile not in self.tiles:
+            raise InputError(f"tile: expected one of {', '.join(map(str, self.tiles))}, got {tile}")
+        return self.tiles[0] if tile is None else tile
+
+    def _stored(self, light: str | None) -> str | None:
+        """A light of which the lobes are stored apart."""
+        if light is not None and light not in self.lights:
+            raise InputError(f"light: expected one of {', '.join(self.lights)}, got {light}")
+        if light is not None and self.look.output.lights == "total":
+            raise InputError(f"light {light}: this bake summed its lights; bake with output.lights: separate")
+        return light

@@ -1,0 +1,79 @@
+"""A whole bake into a folder: the stages, the picture, the textures for renderers, the manifest."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from skinbake import pipeline
+from skinbake.baking.folder_bake import folder_bake
+from skinbake.baking.look_stages import refuse_spoilt_look
+from skinbake.baking.manifest import finish_manifest, manifest_of
+from skinbake.baking.preview_worker import PreviewWorker
+from skinbake.baking.report import refuse_missed, report
+from skinbake.baking.session import BakeSession
+from skinbake.baking.stages.preview import PreviewStage
+from skinbake.baking.stages.textures import TexturesStage
+from skinbake.scene.spec import SceneSpec
+
+
+def bake_look(
+    spec: SceneSpec,
+    force: bool = False,
+    preview: bool = True,
+    verbosity: int = 1,
+    session: BakeSession | None = None,
+) -> dict[str, Any]:
+    """Bake a look into `spec.output.dir` and give its manifest.
+
+    One process at a time writes to the folder; what one that was killed has left there is used, and its litter removed.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    force : bool
+        Run every stage, also those whose results are there.
+    preview : bool
+        End with a picture.
+    verbosity : int
+        0 says nothing, 1 a line a stage, 2 more.
+    session : BakeSession, optional
+        What this look shares with others.
+
+    Raises
+    ------
+    InputError
+        A file of the look is missing or cannot be used, or the folder cannot be written to.
+    MachineError
+        Disk full, too little memory, no OpenGL for the picture.
+    ToleranceMissedError
+        Everything is written, but the measured error is above `diffusion.tolerance`.
+    """
+    start = time.perf_counter()
+    bake = folder_bake(spec, force, verbosity, session)
+    inputs, results, log = bake.inputs, bake.results, bake.log
+    stages = bake.stages()
+    log.say(f"baking into {results.folder}")
+    refuse_spoilt_look(inputs, stages)
+    with results.open(), PreviewWorker() as worker:
+        picture = PreviewStage(inputs, stages, results, worker, log)
+        if preview:
+            picture.prepare()
+        baked = pipeline.bake(stages)
+        try:
+            if preview:
+                picture.result()  # while the files are written
+        finally:  # what was baked is whole, also without a picture
+            results.finish_writing()
+            if spec.output.tx:
+                TexturesStage(stages, results, log).result()
+            if not preview:
+                picture.load()  # a picture of these very lobes stays
+            results.remove_others()
+            manifest = manifest_of(inputs, results, log, baked)
+            manifest["timings"]["total"] = time.perf_counter() - start
+            finish_manifest(results, manifest)
+            report(log, baked)
+    log.say(f"done in {time.perf_counter() - start:.2f} s: {results.folder}")
+    refuse_missed(spec, baked)
+    return manifest

@@ -1,0 +1,274 @@
+"""Results of a bake as the files of its folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import skinbake
+from skinbake.baking.folder_files import FIT_FILES, MESH, PICTURE, PICTURE_KEY, FolderFiles, refuse_inputs_as_outputs
+from skinbake.baking.inputs import BakeInputs
+from skinbake.baking.provenance import Provenance
+from skinbake.baking.stage_log import StageLog
+from skinbake.diffuse import DiffuseMap
+from skinbake.errors import InputError
+from skinbake.io.atomic import write_text
+from skinbake.io.background import Background
+from skinbake.io.cache import Cache
+from skinbake.io.digests import sha256_of
+from skinbake.io.fingerprint import input_files
+from skinbake.io.irradiance import LIGHT, TOTAL, part_keys, read_irradiance, tile_path, write_irradiance
+from skinbake.io.lobes import lobe_name, read_summary, read_totals, write_lobes
+from skinbake.io.lock import folder_lock
+from skinbake.io.manifest import write_manifest
+from skinbake.io.mesh import write_obj
+from skinbake.io.png import write_png
+from skinbake.io.profile import read_gaussians, write_fit
+from skinbake.io.tx import is_current, tx_paths, write_tx
+from skinbake.irradiance import IrradianceMap
+from skinbake.profile import FitReport, GaussianSum
+
+
+class FolderStore:
+    """A `ResultStore` of files, each whole or not there at all; they are written while the next stage runs.
+
+    Parameters
+    ----------
+    inputs : BakeInputs
+        The look decides folder, precision, compression and tiles.
+    log : StageLog
+    cache : Cache, optional
+        Results that looks share.
+    force : bool
+        Find nothing: every stage runs.
+
+    Attributes
+    ----------
+    folder : Path
+    before : dict
+        The manifest that was there when the folder was opened; nothing where there was none, or a damaged one.
+    written : set of str
+        Names of the files that hold this bake's results, written now or found as they are.
+    """
+
+    def __init__(self, inputs: BakeInputs, log: StageLog, cache: Cache | None = None, force: bool = False) -> None:
+        spec = inputs.spec
+        self.folder, self.force = Path(spec.output.dir), force
+        self.cache = None if force else cache
+        self._inputs, self._log, self._output, self._udim = inputs, log, spec.output, spec.texture.udim
+        self._background = Background()
+        self._files = FolderFiles(self.folder)
+        self.before: dict[str, Any] = self._files.read()
+        self.written: set[str] = set()
+
+    @contextmanager
+    def open(self) -> Iterator[None]:
+        """Hold the folder for this process while stages run and until their files are written.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written to, or a file of the look has the name of one that will be written.
+        """
+        spec = self._inputs.spec
+        refuse_inputs_as_outputs(spec, self.folder, [p for paths in input_files(spec).values() for p in paths])
+        with folder_lock(self.folder, self._log.say), self._background:
+            self.before = self._files.read()
+            yield
+
+    def finish_writing(self) -> None:
+        """Wait for the files; only this waiting counts as time of writing."""
+        if self._background.busy:
+            with self._log.measured("write"):
+                self._background.finish()
+
+    def finish(self, manifest: dict[str, Any]) -> None:
+        """Write bake.json, which lists every file of ours."""
+        sizes = {name: (self.folder / name).stat().st_size for name in sorted(self._files.names | self.written)
+                 if (self.folder / name).exists()}  # fmt: skip
+        write_manifest(self.folder, manifest | {"bytes": sizes})
+        self._files.finish()
+
+    def remove_others(self) -> None:
+        """Remove files of ours that are not of this bake: those of a light that is gone, a picture of other lobes."""
+        others = self._files.names - self.written
+        if self._picture_note()[1:] != self._picture_digest():  # somebody has drawn another one since
+            others.discard(PICTURE)
+        self._files.remove(others)
+
+    # The profile
+
+    def fit(self, key: str) -> GaussianSum | None:
+        """What profile.json holds, where it fits and the other two files are there."""
+        if self.force or not all((self.folder / name).exists() for name in FIT_FILES):
+            return None
+        found = read_gaussians(self.folder / FIT_FILES[0], key)
+        if found is not None:
+            self.written |= set(FIT_FILES)
+        return found
+
+    def keep_fit(self, report: FitReport, key: str) -> None:
+        """Write profile.json, .csv and .png."""
+        self._begin(FIT_FILES)
+        for name in FIT_FILES:  # those of another fit: never one of each
+            (self.folder / name).unlink(missing_ok=True)
+        self._background.do(lambda: write_fit(report, self.folder, {"key": key}))
+
+    # Light arriving
+
+    def irradiance_paths(self) -> dict[int, Path]:
+        """irradiance.exr of each tile."""
+        return {tile: tile_path(self.folder / "irradiance.exr", tile, self._udim) for tile in self._inputs.tiles}
+
+    def _part_keys(self) -> list[dict[str, str]]:
+        """Key of each part of each tile's file; nothing for a file that is missing or was cut short."""
+        found = [{} if self.force else part_keys(path) for path in self.irradiance_paths().values()]
+        paths = self.irradiance_paths().values()
+        return [keys if keys and self._files.as_left(path) else {} for keys, path in zip(found, paths, strict=True)]
+
+    def light_keys(self) -> dict[str, str]:
+        """Key of each light that is in every tile's file."""
+        first, *others = self._part_keys()
+        lights = {part: key for part, key in first.items() if part.startswith(LIGHT)}
+        common = {part: key for part, key in lights.items() if all(other.get(part) == key for other in others)}
+        return {part.removeprefix(LIGHT): key for part, key in common.items()}
+
+    def has_irradiance(self, key: str) -> bool:
+        """Whether every tile's file is that of `key`."""
+        current = all(keys.get(TOTAL) == key for keys in self._part_keys())
+        if current and self._inputs.spec.texture.unwrap == "xatlas":
+            current = (self.folder / MESH).exists()
+        return current
+
+    def irradiance(self) -> tuple[IrradianceMap, ...] | None:
+        """What the files hold; None where one is damaged."""
+        size, paths = self._inputs.spec.texture.size, self.irradiance_paths()
+        try:
+            found = tuple(read_irradiance(path, tile, size) for tile, path in paths.items())
+        except InputError:
+            return None
+        self.written |= self._irradiance_names()
+        return found
+
+    def _irradiance_names(self) -> set[str]:
+        own = {MESH} if self._inputs.spec.texture.unwrap == "xatlas" else set()
+        return own | {path.name for path in self.irradiance_paths().values()}
+
+    def keep_irradiance(self, maps: tuple[IrradianceMap, ...], provenance: Provenance) -> None:
+        """Write irradiance.exr, and mesh.obj where the UVs are our own: whoever shades with the textures needs them."""
+        self._begin(self._irradiance_names())
+        paths, unit = self.irradiance_paths(), self._inputs.spec.mesh.millimetres_per_unit or 1.0
+        header = self._header(provenance) | {"skinbake:key": provenance.key}
+        mesh = self._inputs.scene().mesh if self._inputs.spec.texture.unwrap == "xatlas" else None
+
+        def write() -> None:
+            if mesh is not None:
+                write_obj(self.folder / MESH, mesh, unit)
+            for tile in maps:
+                precision, compression = self._output.precision, self._output.compression
+                write_irradiance(paths[tile.tile], tile, provenance.light_keys, header, precision, compression)
+
+        self._background.do(write)
+
+    # Light leaving
+
+    def lobe_paths(self, result: DiffuseMap) -> dict[Path, int]:
+        """Every lobe's file, and its tile."""
+        return {
+            tile_path(self.folder / lobe_name(index, lobe), tile, self._udim): tile
+            for index, lobe in enumerate(result.lobes)
+            for tile in lobe.rgb
+        }
+
+    def lobes(self, key: str) -> DiffuseMap | None:
+        """What the headers say, where every file is there as it was left."""
+        if self.force:
+            return None
+        found = read_summary(self.folder, key, self._inputs.tiles, self._udim)
+        if found is None or not all(self._files.as_left(path) for path in self.lobe_paths(found)):
+            return None
+        self.written |= {path.name for path in self.lobe_paths(found)}
+        return found
+
+    def lobe_totals(self, result: DiffuseMap) -> DiffuseMap:
+        """Lobes with the sums over their lights, from the files unless they are in memory."""
+        if all(len(rgb) for lobe in result.lobes for rgb in lobe.rgb.values()):
+            return result
+        return read_totals(self.folder, result, self._udim)
+
+    def keep_lobes(self, result: DiffuseMap, provenance: Provenance) -> None:
+        """Write lobe_*.exr and transmission.exr, and remove those of a look with more lobes."""
+        names = {path.name for path in self.lobe_paths(result)}
+        left = {name for name in self._files.names if name.startswith(("lobe_", "transmission"))}
+        self._begin(names)
+        self._files.remove(left - names)
+        header, output, separate = self._header(provenance), self._output, self._inputs.decisions.separate_lights
+        self._background.do(
+            lambda: write_lobes(
+                self.folder, result, provenance.key, header, output.precision, output.compression, separate, self._udim
+            )
+        )
+
+    # Textures for renderers
+
+    def stale_textures(self, result: DiffuseMap) -> dict[Path, int]:
+        """EXR files without .tx, or with those of another bake, or with one that was cut short."""
+        exrs = {path: tile for tile, path in self.irradiance_paths().items()} | self.lobe_paths(result)
+        stale = {}
+        for path, tile in exrs.items():
+            if self.force or not is_current(path) or not all(map(self._files.as_left, tx_paths(path))):
+                stale[path] = tile
+            else:
+                self.written |= {tx.name for tx in tx_paths(path)}
+        return stale
+
+    def keep_textures(self, path: Path, coverage: NDArray[np.floating]) -> None:
+        """Write the .tx of an EXR file."""
+        self._begin(tx.name for tx in tx_paths(path))
+        write_tx(path, coverage)
+
+    # The picture
+
+    def has_picture(self, key: str) -> bool:
+        """Whether preview.png is the one that was drawn under `key`, and nobody has drawn another since."""
+        current = not self.force and self._picture_note() == [key, *self._picture_digest()]
+        if current:
+            self.written |= {PICTURE, PICTURE_KEY}
+        return current
+
+    def _picture_note(self) -> list[str]:
+        try:
+            return (self.folder / PICTURE_KEY).read_text(encoding="utf-8").split()
+        except (OSError, ValueError):
+            return []
+
+    def _picture_digest(self) -> list[str]:
+        try:
+            return [sha256_of(self.folder / PICTURE)]
+        except InputError:
+            return []
+
+    def keep_picture(self, pixels: NDArray[np.uint8], key: str) -> None:
+        """Write preview.png, and beside it what it was drawn of."""
+        self._begin((PICTURE, PICTURE_KEY))
+        (self.folder / PICTURE_KEY).unlink(missing_ok=True)
+        write_png(self.folder / PICTURE, pixels)
+        write_text(self.folder / PICTURE_KEY, f"{key} {sha256_of(self.folder / PICTURE)}\n")
+
+    def _begin(self, names: Any) -> None:
+        names = set(names)
+        self.written |= names
+        self._files.begin(names)
+
+    def _header(self, provenance: Provenance) -> dict[str, Any]:
+        """Attributes that every EXR carries."""
+        return {
+            "skinbake:version": skinbake.__version__,
+            "skinbake:inputs": json.dumps(dict(provenance.inputs), sort_keys=True),
+        }

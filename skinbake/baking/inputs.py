@@ -1,0 +1,107 @@
+"""What a bake reads: the look, digests of its files, and their contents when they are first asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from skinbake.atlas import FIRST_TILE, tiles_of
+from skinbake.baking.inputs_roles import OCCLUDERS
+from skinbake.baking.session import BakeSession
+from skinbake.baking.stage_log import StageLog
+from skinbake.errors import InputError
+from skinbake.io.code_digest import code_digest
+from skinbake.io.digests import key_of
+from skinbake.io.fingerprint import input_hashes, input_stamps
+from skinbake.io.scene_files import read_scene
+from skinbake.irradiance.decide import decide
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.scene.spec import SceneSpec
+
+
+class BakeInputs:
+    """One look and its files.
+
+    Attributes
+    ----------
+    spec : SceneSpec
+    decisions : Decisions
+        What follows from the look alone.
+    digests : dict of role to str
+        sha256 of every file the look reads: "mesh", "albedo", "light.NAME", "skin", ...
+    """
+
+    def __init__(self, spec: SceneSpec, session: BakeSession, log: StageLog) -> None:
+        self.spec, self.decisions = spec, decide(spec)
+        self._session, self._log = session, log
+        self._stamps = input_stamps(spec)
+        self.digests = input_hashes(spec)
+        self._scene: SceneData | None = None
+        self._tiles: tuple[int, ...] | None = None if spec.texture.udim else (FIRST_TILE,)
+
+    def scene(self) -> SceneData:
+        """Mesh, maps and environments.
+
+        Raises
+        ------
+        InputError
+            A file is missing or unusable, or was changed since it was hashed.
+        """
+        if self._scene is None:
+            as_written = self.spec.model_dump(mode="json", include={"mesh", "occluders", "maps"})
+            key = key_of(self.key(*(role for role in self.digests if role != "skin")), as_written)
+            self._scene = self._session.peek("scene", key) or self._session.put("scene", key, self._read())
+        return self._scene
+
+    def close(self) -> None:
+        """Let go of what was read: only a stage yet to run has use for it."""
+        self._scene = None
+
+    @property
+    def tiles(self) -> tuple[int, ...]:
+        """UDIM numbers of the mesh; 1001 alone where the look has none."""
+        if self._tiles is None:
+            self._tiles = tiles_of(self.scene().mesh, True)
+        return self._tiles
+
+    def key(self, *roles: str) -> str:
+        """Digest of what `scene` holds of some roles: contents of files, how they are read, and the code that does.
+
+        Where files lie makes no difference.
+        """
+        return key_of(code_digest("skinbake.io.scene_files"), {role: self._part(role) for role in sorted(roles)})
+
+    def _part(self, role: str) -> Any:
+        spec, digest = self.spec, self.digests.get(role)
+        if role == "mesh":
+            texture = spec.texture.model_dump(mode="json")
+            return spec.mesh.model_dump(mode="json", exclude={"path", "any_size"}), texture, digest
+        if role == OCCLUDERS:
+            placed = [each.model_dump(mode="json", exclude={"path", "opacity"}) for each in spec.occluders]
+            return placed, sorted(item for item in self.digests.items() if item[0].startswith("occluder."))
+        if role.startswith("light."):
+            light = next(light for light in spec.lights if f"light.{light.name}" == role)
+            return light.model_dump(mode="json", exclude={"path"}), digest
+        chosen = getattr(spec.maps, role, None)
+        constant = spec.maps.albedo_rgb if role == "albedo" else None
+        return chosen and chosen.model_dump(mode="json", exclude={"path"}), digest, constant
+
+    def _read(self) -> SceneData:
+        with self._log.measured("read"):
+            scene = read_scene(self.spec)
+        self._refuse_changed()
+        for note in scene.mesh.notes:
+            self._log.say(f"  {note}")
+        return scene
+
+    def _refuse_changed(self) -> None:
+        """What was read is what was hashed, or results would be kept under the key of something else."""
+        for path, stamp in input_stamps(self.spec).items():
+            if self._stamps.get(path) != stamp:
+                raise InputError(f"{path}: it was changed while it was read; run again")
+
+    @property
+    def table_path(self) -> Path | None:
+        """CSV of the profile, where the skin is a table."""
+        path = getattr(self.spec.skin, "path", None)
+        return Path(path) if path else None

@@ -1,0 +1,25 @@
+"""The irradiance of a look alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from skinbake.baking.folder_bake import folder_bake
+from skinbake.baking.look_stages import refuse_spoilt_look
+from skinbake.scene.spec import SceneSpec
+
+
+def light_look(spec: SceneSpec, force: bool = False, verbosity: int = 1) -> Path:
+    """Write the irradiance of a look, and give the folder.
+
+    Parameters
+    ----------
+    spec, force, verbosity
+        As `bake_look`, which also has the failures.
+    """
+    bake = folder_bake(spec, force, verbosity)
+    stages = bake.stages()
+    refuse_spoilt_look(bake.inputs, stages)
+    with bake.results.open():
+        stages.irradiance.result()
+    return bake.results.folder

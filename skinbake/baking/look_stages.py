@@ -1,0 +1,58 @@
+"""The stages of a look on a store of results."""
+
+from __future__ import annotations
+
+from skinbake.atlas.report import refuse_spoilt, uv_report
+from skinbake.baking.inputs import BakeInputs
+from skinbake.baking.result_store import ResultStore
+from skinbake.baking.session import BakeSession
+from skinbake.baking.stage_log import StageLog
+from skinbake.baking.stages.diffuse import DiffuseStage
+from skinbake.baking.stages.irradiance import GivenIrradiance, IrradianceStage
+from skinbake.baking.stages.profile import ProfileStage
+from skinbake.baking.stages.raster import RasterStage
+from skinbake.diffuse.scatter import refuse_too_large
+from skinbake.pipeline import Stages
+
+
+def look_stages(
+    inputs: BakeInputs,
+    results: ResultStore,
+    session: BakeSession,
+    log: StageLog,
+    given: GivenIrradiance | None = None,
+) -> Stages:
+    """The stages of a look.
+
+    Parameters
+    ----------
+    inputs : BakeInputs
+        The look and its files.
+    results : ResultStore
+        Where results are looked for and kept.
+    session : BakeSession
+        What looks of one process share.
+    log : StageLog
+    given : GivenIrradiance, optional
+        Irradiance from somewhere else, in place of the look's lights.
+    """
+    profile = ProfileStage(inputs, results, log)
+    raster = RasterStage(inputs, results, session, log)
+    irradiance = given or IrradianceStage(inputs, raster, results, session, log)
+    diffuse = DiffuseStage(inputs, profile, raster, irradiance, results, log, lambda text: log.say(f"    {text}", 2))
+    return Stages(inputs.decisions, profile, raster, irradiance, diffuse)
+
+
+def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> None:
+    """Read what is new and stop at what would spoil the bake, before anything is written.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be used, or UVs whose faults `check` reports.
+    MachineError
+        More memory than there is.
+    """
+    if stages.irradiance.stale():
+        refuse_too_large(inputs.spec, inputs.decisions, len(inputs.tiles))
+        refuse_spoilt(uv_report(inputs.scene().mesh, stages.raster.result()), inputs.spec.mesh.path)

@@ -1,0 +1,103 @@
+"""What the picture of a bake is drawn of: its arrays in memory, or a stand-in for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from skinbake.diffuse import DiffuseMap
+from skinbake.io.bake_folder import half_maps
+from skinbake.io.lobes import StoredLobe
+from skinbake.irradiance import IrradianceMap
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.preview.scene import PreviewLobe, PreviewScene, Texture
+from skinbake.scene.decision import Decisions
+from skinbake.scene.spec import SceneSpec
+from skinbake.stored_precision import as_stored
+
+
+def scene_of(
+    spec: SceneSpec, decisions: Decisions, scene: SceneData, irradiance: Sequence[IrradianceMap], result: DiffuseMap
+) -> PreviewScene:
+    """What `read_bake_folder` would read, lights summed, without waiting for the files.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    decisions : Decisions
+    scene : SceneData
+    irradiance : sequence of IrradianceMap
+    result : DiffuseMap
+        With `StoredLobe`s.
+    """
+    precision = spec.output.precision
+    lobes = tuple(
+        PreviewLobe(
+            {tile: total[None] for tile, total in lobe.total.items()},
+            lobe.weight_rgb,
+            None if lobe.transmitted else lobe.variance_mm2,
+        )
+        for lobe in result.lobes
+        if isinstance(lobe, StoredLobe)
+    )
+    return _scene(
+        spec,
+        decisions,
+        scene,
+        lobes,
+        {tile.tile: as_stored(tile.rgb, precision) for tile in irradiance},
+        {tile.tile: as_stored(tile.visibility[..., None], precision)[..., 0] for tile in irradiance},
+    )
+
+
+def stand_in_of(
+    spec: SceneSpec, decisions: Decisions, scene: SceneData, tiles: Sequence[int], lobes: int
+) -> PreviewScene:
+    """A scene that the same shader draws as that of `scene_of`, with textures of one texel.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    decisions : Decisions
+    scene : SceneData
+    tiles : sequence of int
+    lobes : int
+        How many there will be, as far as is known.
+    """
+    lights, maps = len(spec.lights), scene.maps
+    names = ("albedo", "normal", "roughness", "specular")
+    small: dict[str, Any] = {n: {tile: image[:1, :1] for tile, image in getattr(maps, n).items()} for n in names}
+    lobe = PreviewLobe({tile: np.zeros((1, 1, 1, 3), np.float16) for tile in tiles}, (0, 0, 0), 1.0)
+    return _scene(
+        spec,
+        decisions,
+        replace(scene, maps=replace(maps, **small)),
+        (lobe,) * lobes,
+        {tile: np.zeros((lights, 1, 1, 3), np.float16) for tile in tiles},
+        {tile: np.zeros((lights, 1, 1), np.float16) for tile in tiles},
+    )
+
+
+def _scene(
+    spec: SceneSpec,
+    decisions: Decisions,
+    scene: SceneData,
+    lobes: tuple[PreviewLobe, ...],
+    irradiance: Mapping[int, Texture],
+    visibility: Mapping[int, Texture],
+) -> PreviewScene:
+    return PreviewScene(
+        scene.mesh,
+        spec.lights,
+        lobes,
+        irradiance,
+        visibility,
+        half_maps(scene.maps),
+        spec.texturing,
+        spec.specular,
+        decisions.energy_conservation.enabled,
+        separate=False,
+    )

@@ -1,0 +1,91 @@
+"""Draws the picture of a bake while its files are written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.preview.camera import view
+from skinbake.preview.draw import OffscreenRenderer
+from skinbake.preview.mode import Mode
+from skinbake.preview.platform import any_thread
+from skinbake.preview.scene import PreviewScene
+from skinbake.preview.views import plan_views, tone_map
+from skinbake.scene.spec import PreviewSpec
+
+T = TypeVar("T")
+
+
+def draw_still(renderer: OffscreenRenderer, look: PreviewSpec) -> NDArray[np.uint8]:
+    """The picture that a bake ends with, sRGB of shape (H, W, 3); `render` writes the same one by default."""
+    camera = plan_views(renderer.scene.mesh, [look.view], None, look.size[0] / look.size[1])[0].camera
+    return tone_map(renderer.draw(camera, look.size, Mode("full")), look.background_rgb, look.exposure)
+
+
+class PreviewWorker:
+    """Draws the picture of a bake; a context manager.
+
+    All on one thread, since an OpenGL context belongs to one. While textures are computed, it makes everything ready
+    that needs none: libraries, context, mesh and shader.
+    """
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, "preview") if any_thread() else None
+        self._renderer: Future[OffscreenRenderer] | None = None
+
+    def _do(self, work: Callable[..., T], *arguments: Any) -> Future[T]:
+        if self._thread:
+            return self._thread.submit(work, *arguments)
+        done: Future[T] = Future()
+        try:
+            done.set_result(work(*arguments))
+        except Exception as fault:
+            done.set_exception(fault)
+        return done
+
+    def prepare(self, stand_in: PreviewScene, look: PreviewSpec) -> None:
+        """Begin, without waiting; faults are told by `draw`. What `stand_in` has not as in the end costs a shader."""
+
+        def ready() -> OffscreenRenderer:
+            renderer = OffscreenRenderer(stand_in)
+            try:
+                renderer.draw(view(stand_in.mesh, look.view, 1.0), (1, 1))  # compiles
+            except BaseException:
+                renderer.close()
+                raise
+            return renderer
+
+        self._renderer = self._do(ready)
+
+    def draw(self, scene: PreviewScene, look: PreviewSpec) -> NDArray[np.uint8]:
+        """The picture of a scene with the mesh that was prepared, if any was; sRGB of shape (H, W, 3).
+
+        Raises
+        ------
+        MachineError
+            There is no OpenGL.
+        """
+        prepared = self._renderer is not None
+        if self._renderer is None:
+            self._renderer = self._do(OffscreenRenderer, scene)
+        renderer = self._renderer.result()
+
+        def work() -> NDArray[np.uint8]:
+            if prepared:
+                renderer.set_scene(scene)
+            return draw_still(renderer, look)
+
+        return self._do(work).result()
+
+    def __enter__(self) -> PreviewWorker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._renderer is not None and self._renderer.exception() is None:
+            self._do(self._renderer.result().close).result()
+        if self._thread:
+            self._thread.shutdown()

@@ -1,0 +1,79 @@
+"""Pictures of a bake, as many as are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from skinbake.io.exr import Part, rgb_channels, write_parts
+from skinbake.io.png import write_png
+from skinbake.preview.draw import OffscreenRenderer
+from skinbake.preview.mode import Mode, parse_mode
+from skinbake.preview.views import View, plan_views, side_by_side, tone_map
+from skinbake.scene.spec import PreviewSpec
+
+
+def render(
+    renderer: OffscreenRenderer,
+    look: PreviewSpec,
+    out: Path,
+    png: Path | str | None = None,
+    exr: bool = False,
+    views: Sequence[str] = (),
+    turntable: int | None = None,
+    size: tuple[int, int] | None = None,
+    compare: bool = False,
+    mode: str = "full",
+    gains: dict[str, list[float]] | None = None,
+    exposure: float | None = None,
+    supersample: int = 2,
+    say: Callable[[Path], None] | None = None,
+) -> list[Path]:
+    """Render pictures into a folder and give the paths of the PNGs; the defaults render out/preview.png.
+
+    Parameters
+    ----------
+    renderer : OffscreenRenderer
+    look : PreviewSpec
+        What is not said otherwise.
+    out : Path
+        The folder.
+    png : path, optional
+        Another name for the one picture.
+    exr : bool
+        Also write linear radiance as EXR.
+    views : sequence of str
+        Names of views.
+    turntable : int, optional
+        Frames once around the head.
+    size : (width, height), optional
+    compare : bool
+        Without scattering and with it, side by side.
+    mode : str
+        What is shown, as `parse_mode` has it.
+    gains : dict of light name to (R, G, B), optional
+    exposure : float, optional
+        In stops.
+    supersample : int
+        Each pixel is the mean of its square of points.
+    say : callable, optional
+        Told each path.
+    """
+    size = size or look.size
+    shown = parse_mode(mode, len(renderer.scene.lobes))
+    modes = [Mode("none"), shown] if compare else [shown]
+    exposure = look.exposure if exposure is None else exposure
+    planned: list[View] = plan_views(renderer.scene.mesh, views or [look.view], turntable, size[0] / size[1])
+    written = []
+    for each in planned:
+        image = side_by_side([renderer.draw(each.camera, size, m, gains, supersample) for m in modes])
+        name = "preview" if len(planned) == 1 else f"preview_{each.name}"
+        path = Path(png) if png else out / f"{name}{'_compare' if compare else ''}.png"
+        write_png(path, tone_map(image, look.background_rgb, exposure))
+        if exr:
+            channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
+            write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
+        written.append(path)
+        if say:
+            say(path)
+    return written

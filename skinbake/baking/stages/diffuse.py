@@ -1,0 +1,136 @@
+"""Stage: light leaving the skin, one lobe a Gaussian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from skinbake.baking.inputs_roles import OCCLUDERS
+from skinbake.baking.provenance import Provenance
+from skinbake.diffuse import DiffuseMap
+from skinbake.diffuse.scatter import scatter
+from skinbake.io.code_digest import code_digest
+from skinbake.io.digests import key_of
+from skinbake.io.lobes import as_stored_lobes
+from skinbake.pipeline import Stage
+from skinbake.profile import GaussianSum
+
+if TYPE_CHECKING:
+    from skinbake.baking.inputs import BakeInputs
+    from skinbake.baking.result_store import ResultStore
+    from skinbake.baking.stages.irradiance import GivenIrradiance, IrradianceStage
+    from skinbake.baking.stages.profile import ProfileStage
+    from skinbake.baking.stages.raster import RasterStage
+    from skinbake.pipeline import StageTimer
+
+
+class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
+    """Blurs the light by each Gaussian and measures the error; stored as lobe_*.exr and transmission.exr.
+
+    What is loaded has no pixels: nobody but the picture wants them, and it asks the store.
+    """
+
+    name = "diffuse"
+
+    def __init__(
+        self,
+        inputs: BakeInputs,
+        profile: ProfileStage,
+        raster: RasterStage,
+        irradiance: IrradianceStage | GivenIrradiance,
+        results: ResultStore,
+        timer: StageTimer,
+        say: Callable[[str], None],
+    ) -> None:
+        super().__init__(timer)
+        self._inputs, self._results, self._say = inputs, results, say
+        self._profile, self._raster, self._irradiance = profile, raster, irradiance
+
+    def key(self) -> str:
+        """Digest of the Gaussians, the light, the skin and how it is diffused and written."""
+        return self._key(self._profile.result())
+
+    def _key(self, gaussians: GaussianSum) -> str:
+        spec = self._inputs.spec
+        return key_of(
+            code_digest(__name__),
+            [values.tolist() for values in (gaussians.variance_mm2, gaussians.weight_rgb, gaussians.energy_rgb)],
+            self._irradiance.identity,
+            self._inputs.key("mesh"),
+            spec.diffusion.model_dump(mode="json"),
+            spec.terms.transmission,
+            self._albedo_before(),
+            # The albedo's mean decides there, and casters are in the way
+            self._inputs.key("albedo", OCCLUDERS) if spec.terms.transmission != "off" else None,
+            (spec.output.precision, spec.output.compression, spec.output.lights, spec.output.seed),
+        )
+
+    def _albedo_before(self) -> Any:
+        """What of the albedo is in the light that is blurred."""
+        before = self._inputs.spec.texturing.exponent_before
+        return before, self._inputs.key("albedo") if before else None
+
+    @property
+    def inputs_read(self) -> dict[str, str]:
+        """Digests of the files that are read for it, by role."""
+        spec, digests = self._inputs.spec, self._inputs.digests
+        own = {"mesh", "skin", *self._irradiance.inputs_read}
+        if spec.texturing.exponent_before or spec.terms.transmission != "off":
+            own.add("albedo")
+        return {role: digest for role, digest in digests.items() if role in own}
+
+    def load(self) -> DiffuseMap | None:
+        """Lobes without pixels, with all that is known of them."""
+        return self._results.lobes(self.key())
+
+    def compute(self) -> DiffuseMap:
+        """Every lobe; a light that the cache knows is not blurred again."""
+        inputs = self._inputs
+        gaussians, irradiance = self._profile.result(), self._irradiance.result()
+        return scatter(
+            inputs.spec,
+            inputs.decisions,
+            inputs.scene(),
+            self._raster.result(),
+            irradiance,
+            gaussians,
+            say=self._say,
+            remember=self._memoize(self._irradiance.light_keys),
+        )
+
+    def _memoize(self, light_keys: Mapping[str, str] | None) -> Any:
+        cache = self._results.cache
+        if cache is None or light_keys is None or not self._inputs.decisions.separate_lights:
+            return None
+
+        def remember(kind: Any, names: tuple[str, ...], make: Any) -> Any:
+            return cache.get_many({name: self._blur_key(light_keys[name], kind) for name in names}, make)
+
+        return remember
+
+    def _blur_key(self, light: str, kind: tuple[Any, ...]) -> str:
+        """Digest of one light's lobe, or its values at probes: `light` is its irradiance's key, `kind` says how."""
+        spec = self._inputs.spec
+        return key_of(
+            code_digest(__name__),
+            self._inputs.key("mesh"),
+            spec.diffusion.model_dump(mode="json", exclude={"probes"}),
+            self._albedo_before(),
+            light,
+            kind,
+        )
+
+    def store(self, made: DiffuseMap) -> DiffuseMap:
+        """Round the lobes as their files hold them, and keep them."""
+        result = as_stored_lobes(made, self._inputs.spec.output.precision)
+        self._results.keep_lobes(result, Provenance(self.key(), self.inputs_read))
+        return result
+
+    def stale(self) -> str:
+        """Why lobes would be made: computes no fit to tell."""
+        gaussians = self._profile.load()
+        if gaussians is None:
+            return "after the profile"
+        if self._results.lobes(self._key(gaussians)) is not None:
+            return ""
+        return "after the irradiance" if self._irradiance.stale() else "to blur"

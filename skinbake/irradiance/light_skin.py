@@ -1,0 +1,53 @@
+"""Irradiance of a look: `light_texels` with what the look says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas
+from skinbake.irradiance.irradiance_map import IrradianceMap
+from skinbake.irradiance.light_texels import light_texels
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.scene.decision import Decisions
+from skinbake.scene.spec import SceneSpec
+
+
+def light_skin(
+    spec: SceneSpec,
+    decisions: Decisions,
+    scene: SceneData,
+    atlas: Atlas,
+    names: tuple[str, ...] | None = None,
+    rounded: Callable[[NDArray[np.float32]], NDArray[np.floating]] = lambda image: image,
+) -> tuple[IrradianceMap, ...]:
+    """Irradiance of the look's lights, one map a tile; a light's values do not depend on the other lights.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    decisions : Decisions
+        Of the look.
+    scene : SceneData
+    atlas : Atlas
+    names : tuple of str, optional
+        Lights to compute; all of them by default.
+    rounded : callable
+        Makes of a light's (H, W, 4), irradiance and unshadowed share, what is kept of it, before the next is computed.
+    """
+    return light_texels(
+        atlas,
+        scene.mesh,
+        scene.maps,
+        tuple(light for light in spec.lights if names is None or light.name in names),
+        shadows=spec.shadows,
+        specular=spec.specular,
+        energy_conservation=decisions.energy_conservation.enabled,
+        environments=scene.environments,
+        seed=spec.output.seed,
+        tolerance=spec.diffusion.tolerance,
+        occluder=scene.occluder,
+        rounded=rounded,
+    )

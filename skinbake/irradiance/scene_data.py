@@ -1,0 +1,39 @@
+"""SceneData: what a look's files hold, read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.irradiance.occluder import Occluder
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.mesh import SkinMesh
+
+
+@dataclass(frozen=True)
+class SceneData:
+    """What a look's files hold, read.
+
+    Attributes
+    ----------
+    mesh : SkinMesh
+    maps : SkinMaps
+    environments : mapping of light name to ndarray of shape (h, w, 3), linear radiance
+    building : Future of Occluder, optional
+        Of the mesh, where somebody has begun to make one.
+    """
+
+    mesh: SkinMesh
+    maps: SkinMaps
+    environments: Mapping[str, NDArray[np.float32]]
+    building: Future[Occluder] | None = None
+
+    @cached_property
+    def occluder(self) -> Occluder:
+        """What rays meet, one for the whole bake."""
+        return self.building.result() if self.building else Occluder(self.mesh)

@@ -1,0 +1,67 @@
+"""Keys of stages: what changes them, and what does not."""
+
+from __future__ import annotations
+
+import pytest
+
+from skinbake.baking.inputs import BakeInputs
+from skinbake.baking.look_stages import look_stages
+from skinbake.baking.memory_store import MemoryStore
+from skinbake.baking.session import BakeSession
+from skinbake.baking.stage_log import StageLog
+from skinbake.io.config import load_look
+from skinbake.io.mesh import write_obj
+from tests.shapes import quad
+
+LOOK = """\
+mesh: {path: mesh.obj, unit: mm, any_size: true}
+skin: {model: gaussians, variance_mm2: [0.05], weight_rgb: [[1, 1, 1]]}
+lights:
+  - {name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}
+  - {name: sky, type: environment, radiance: [1, 1, 1]}
+terms: {energy_conservation: off}
+output: {dir: out}
+"""
+
+
+@pytest.fixture
+def stages(tmp_path):
+    """Stages of a look with some keys set, in memory."""
+    write_obj(tmp_path / "mesh.obj", quad())
+    (tmp_path / "look.yaml").write_text(LOOK)
+
+    def of(*overrides):
+        session, log = BakeSession(), StageLog()
+        inputs = BakeInputs(load_look(tmp_path / "look.yaml", overrides), session, log)
+        return look_stages(inputs, MemoryStore(), session, log)
+
+    return of
+
+
+def test_the_tolerance_is_part_of_a_sky_s_key_only(stages):
+    """Another tolerance plans the sky anew, and leaves the other lights' files as they are."""
+    first, other = (stages(f"diffusion.tolerance={t}").irradiance.light_keys for t in (0.05, 0.04))
+    assert first["sky"] != other["sky"]
+    assert first["key"] == other["key"]
+
+
+def test_what_a_light_does_not_read_leaves_its_key(stages):
+    """Albedo, lobes and their packing are nothing to the light; the packing of its file is."""
+    first = stages().irradiance
+    for change in ("maps.albedo_rgb=[0.5, 0.4, 0.3]", "diffusion.separate=false", "texturing.mode=post-scatter"):
+        assert stages(change).irradiance.key() == first.key()
+    packed = stages("output.compression=piz").irradiance
+    assert packed.light_keys == first.light_keys
+    assert packed.key() != first.key()
+
+
+def test_the_order_of_the_lights_is_part_of_what_holds_several(stages):
+    """Parts of a file lie in the order of the look; a light's own key does not tell it."""
+    first = stages()
+    turned = stages(
+        "lights=[{name: sky, type: environment, radiance: [1, 1, 1]}, "
+        "{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]"
+    )
+    assert first.irradiance.light_keys == turned.irradiance.light_keys
+    assert first.irradiance.key() != turned.irradiance.key()
+    assert first.diffuse.key() != turned.diffuse.key()
