@@ -28,6 +28,7 @@ VERBS = {
     "preview": "Show or render what a bake left.",
     "profile": "Evaluate R(r), T(r) and totals of a skin.",
     "tradeoff": "Measure time and memory against error.",
+    "truth": "Measure how far a bake is from light transport in the same skin.",
 }
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.punctual_light import colour, emitter
-from skinbake.irradiance.smooth_surface import SmoothSurface, descend
+from skinbake.irradiance.smooth_surface import descend
 from skinbake.kernels.threads import thread_count
 from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.transport.medium import TransportMedium
-from skinbake.transport.surface_rays import RayScene, SurfaceRays
+from skinbake.transport.surface_rays import SurfaceRays
 from skinbake.transport.walk import HARD, PUNCTUAL, RECTANGLE, SKY, THROUGH, WHOLE, WalkLights, WalkMedium, walk_from
 
 GROUPS = 16  # of walks, each over a lattice of its own: their spread is the standard error
@@ -37,7 +37,7 @@ class LightLeaving:
 
 
 def light_leaving(
-    surface: SmoothSurface,
+    skin: SurfaceRays,
     medium: TransportMedium,
     lights: Sequence[LightSpec],
     face: NDArray[np.int32],
@@ -55,8 +55,8 @@ def light_leaving(
 
     Parameters
     ----------
-    surface : SmoothSurface
-        Closed, counter-clockwise from outside; see `refuse_open`.
+    skin : SurfaceRays
+        Of a closed surface; see `refuse_open`.
     medium : TransportMedium
         What fills it.
     face : ndarray of shape (P,)
@@ -90,10 +90,9 @@ def light_leaving(
     """
     if walks < 1:
         raise ValueError(f"walks: expected at least 1, got {walks}")
-    owner = SurfaceRays(surface)
-    position, normal = points_of(owner.rays, surface.levels, face, barycentric)
+    position, normal = points_of(skin, face, barycentric)
     kernel_medium = WalkMedium(medium.sigma_t_per_mm, medium.albedo, float(medium.g), float(medium.eta))
-    kernel_lights, unit = _lights(lights, owner.rays.centre_mm, shadows, share, environments or {})
+    kernel_lights, unit = _lights(lights, skin.rays.centre_mm, shadows, share, environments or {})
     each = -(-walks // GROUPS)
     found = np.zeros((len(face), GROUPS, 3, len(lights), 3))
 
@@ -102,7 +101,7 @@ def light_leaving(
             stream = np.random.SeedSequence([seed, first + p, group]).generate_state(1, np.uint64)[0]
             x, y, z = position[p]
             nx, ny, nz = normal[p]
-            walk_from(owner.rays, kernel_medium, kernel_lights, stream, each, x, y, z, nx, ny, nz, found[p, group])
+            walk_from(skin.rays, kernel_medium, kernel_lights, stream, each, x, y, z, nx, ny, nz, found[p, group])
         if progress:
             progress(1)
 
@@ -114,24 +113,22 @@ def light_leaving(
     return LightLeaving(mean.swapaxes(0, 1), stderr.swapaxes(0, 1))
 
 
-def points_of(rays: RayScene, levels: int, face: NDArray[np.int32], barycentric: Float) -> tuple[Float, Float]:
+def points_of(skin: SurfaceRays, face: NDArray[np.int32], barycentric: Float) -> tuple[Float, Float]:
     """Positions about the rays' centre and outward unit normals of places in the mesh's faces, both (P, 3).
 
     Parameters
     ----------
-    rays : RayScene
-    levels : int
-        Of the smooth surface that the rays meet.
+    skin : SurfaceRays
     face : ndarray of shape (P,)
     barycentric : ndarray of shape (P, 2)
         Barycentrics 1 and 2.
     """
     position, normal = np.empty((len(face), 3)), np.empty((len(face), 3))
     for p, (f, (b1, b2)) in enumerate(zip(face, barycentric, strict=True)):
-        fine, c1, c2 = descend.py_func(int(f), float(b1), float(b2), levels)
-        corner = rays.corner_mm[fine].astype(np.float64)
+        fine, c1, c2 = descend.py_func(int(f), float(b1), float(b2), skin.levels)
+        corner = skin.rays.corner_mm[fine].astype(np.float64)
         position[p] = (1 - c1 - c2) * corner[0] + c1 * corner[1] + c2 * corner[2]
-        normal[p] = rays.normal[fine]
+        normal[p] = skin.rays.normal[fine]
     return position, normal
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.punctual_light import emitter, towards
-from skinbake.irradiance.smooth_surface import SmoothSurface
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
@@ -50,15 +49,15 @@ class TruthPoints:
 
 
 def draw_points(
-    mesh: SkinMesh, surface: SmoothSurface, lights: Sequence[LightSpec], count: int, seed: int = 0
+    mesh: SkinMesh, skin: SurfaceRays, lights: Sequence[LightSpec], count: int, seed: int = 0
 ) -> TruthPoints:
     """Draw points: shares of them in thin parts, creases and at shadow edges, the others anywhere else by area.
 
     Parameters
     ----------
     mesh : SkinMesh
-    surface : SmoothSurface
-        Of the mesh.
+    skin : SurfaceRays
+        Of the mesh's smooth surface.
     lights : sequence of LightSpec
         Skies have no edges; of a rectangle its centre counts.
     count : int
@@ -79,11 +78,10 @@ def draw_points(
     root, along = np.sqrt(rng.random(pool)), rng.random(pool)
     place = np.stack([root * (1 - along), root * along], axis=1)
 
-    owner = SurfaceRays(surface)
-    position, normal = points_of(owner.rays, surface.levels, face, place)
-    sources = _sources(lights, owner.rays.centre_mm)
+    position, normal = points_of(skin, face, place)
+    sources = _sources(lights, skin.rays.centre_mm)
     found = np.zeros((pool, 6), np.bool_)
-    _classify(owner.rays, position, normal, sources, found)
+    _classify(skin.rays, position, normal, sources, found)
     hidden, lit, edge, cast, thin, crease = found.T
     groups = {"lit": lit & ~edge, "edges": edge, "cast edges": cast, "thin": thin, "creases": crease}
 

@@ -51,9 +51,18 @@ class RayScene(NamedTuple):
 
 
 class SurfaceRays:
-    """Owner of an Embree scene of one surface; `rays` stays valid as long as this object does."""
+    """Owner of an Embree scene of one surface, counter-clockwise from outside.
+
+    Attributes
+    ----------
+    rays : RayScene
+        Valid as long as this object lives.
+    levels : int
+        Of the surface: its triangles lie in the faces of a mesh as `SmoothSurface` says.
+    """
 
     def __init__(self, surface: SmoothSurface) -> None:
+        self.levels = surface.levels
         rtc = _library()
         low, high = surface.positions_mm.min(axis=0), surface.positions_mm.max(axis=0)
         centre = (low + high) / 2

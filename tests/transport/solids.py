@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.scene.mesh import SkinMesh
+from skinbake.transport.surface_rays import SurfaceRays
 
 
 def box(low_mm, high_mm) -> SkinMesh:
@@ -30,3 +32,8 @@ def on_top(mesh: SkinMesh, x, y):
                 places.append((b1, b2))
                 break
     return np.array(faces, np.int32), np.array(places)
+
+
+def rays_of(mesh: SkinMesh) -> SurfaceRays:
+    """What walks meet."""
+    return SurfaceRays(smooth_surface(mesh))

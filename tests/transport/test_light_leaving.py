@@ -7,7 +7,6 @@ import pytest
 from numba import njit
 
 from skinbake.irradiance.oil_layer import fresnel_dielectric
-from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.profile.chandrasekhar import half_space_diffuse_reflectance, half_space_reflectance
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
@@ -16,7 +15,7 @@ from skinbake.scene.lights import DirectionalLight, EnvironmentLight, PointLight
 from skinbake.transport.light_leaving import ESTIMATES, light_leaving
 from skinbake.transport.medium import TransportMedium
 from tests.shapes import joined, sphere
-from tests.transport.solids import box, on_top
+from tests.transport.solids import box, on_top, rays_of
 
 SKIN = np.array([0.032, 0.17, 0.48]), np.array([0.74, 0.88, 1.01])
 COSINES = 1.0, 0.5, 0.1
@@ -51,7 +50,7 @@ def test_a_half_space_reflects_what_chandrasekhar_says():
     mesh = box([-300, -300, -300], [300, 300, 0])
     face, place = on_top(mesh, np.zeros(4), np.full(4, 20.0))
     lights = [*(sun(mu, f"s{i}", 1 / mu) for i, mu in enumerate(COSINES)), sky()]
-    found = light_leaving(smooth_surface(mesh), TransportMedium(*SKIN), lights, face, place, 480, 5)
+    found = light_leaving(rays_of(mesh), TransportMedium(*SKIN), lights, face, place, 480, 5)
     albedo = SKIN[1] / (SKIN[0] + SKIN[1])
     want = np.stack([*(half_space_reflectance(mu, albedo) for mu in COSINES), half_space_diffuse_reflectance(albedo)])
     for estimate in (HARD, THROUGH, WHOLE):
@@ -62,7 +61,7 @@ def test_a_face_that_refracts_gives_the_totals_of_the_layered_walks():
     """eta = 1.4, light counted once it has entered: the same as photons that go the other way (normal incidence)."""
     mesh = box([-300, -300, -300], [300, 300, 0])
     face, place = on_top(mesh, np.zeros(4), np.full(4, 20.0))
-    found = light_leaving(smooth_surface(mesh), TransportMedium(*SKIN, 0.0, 1.4), [sun()], face, place, 480, 7)
+    found = light_leaving(rays_of(mesh), TransportMedium(*SKIN, 0.0, 1.4), [sun()], face, place, 480, 7)
     photons = trace_layers([Layer(Medium(*SKIN), np.inf, 1.4)], 150_000)
     got, stderr = pooled(found, WHOLE)
     agree(got, np.hypot(stderr, photons.total_stderr), photons.total_reflectance[None])
@@ -73,7 +72,7 @@ def test_forward_scattering_gives_the_totals_of_the_layered_walks():
     mesh = box([-200, -200, -200], [200, 200, 0])
     face, place = on_top(mesh, np.zeros(4), np.full(4, 20.0))
     medium = TransportMedium(SKIN[0], SKIN[1] / 0.2, 0.8, 1.3)
-    found = light_leaving(smooth_surface(mesh), medium, [sun()], face, place, 960, 11)
+    found = light_leaving(rays_of(mesh), medium, [sun()], face, place, 960, 11)
     photons = trace_layers([Layer(Medium(*SKIN), np.inf, 1.3, 0.8)], 60_000)
     got, stderr = pooled(found, HARD)
     agree(got, np.hypot(stderr, photons.total_stderr), photons.total_reflectance[None], precise=0.05)
@@ -85,7 +84,7 @@ def test_a_shadow_edge_on_a_slab_is_the_integral_of_its_profile():
     mesh = joined(slab, box([-60, -60, 5], [0, 60, 8]))
     at = np.array([-3.0, -1.0, -0.3, 0.3, 1.0, 3.0])
     face, place = on_top(slab, at, np.full(6, 7.0))
-    found = light_leaving(smooth_surface(mesh), TransportMedium(*SKIN), [sun()], face, place, 2400, 1)
+    found = light_leaving(rays_of(mesh), TransportMedium(*SKIN), [sun()], face, place, 2400, 1)
     photons = trace_layers([Layer(Medium(*SKIN), 3.0, 1.0)], 400_000)
     radius = np.geomspace(1e-3, 60, 4000)
     ring = photons.reflectance(radius) * (2 * np.pi * radius * np.gradient(radius))[:, None]
@@ -112,7 +111,7 @@ def test_a_ball_of_20_mm_shines_as_photons_that_go_the_other_way_say(eta):
         zone += [k] * 16
     face, zone = np.concatenate(face).astype(np.int32), np.array(zone)
     place = np.full((len(face), 2), 1 / 3)
-    found = light_leaving(smooth_surface(mesh), TransportMedium(*SKIN, 0.0, eta), [sun()], face, place, 64, 2)
+    found = light_leaving(rays_of(mesh), TransportMedium(*SKIN, 0.0, eta), [sun()], face, place, 64, 2)
     for channel in range(3):
         sigma_a, sigma_s = SKIN[0][channel], SKIN[1][channel]
         counted = _ball(np.random.default_rng(channel), 200_000, 20.0, sigma_a, sigma_s, eta)
@@ -189,7 +188,7 @@ def test_nothing_shines_brighter_than_what_arrives(eta):
     face, place = on_top(box([-30, -10, -20], [-4, 10, 20]), np.linspace(-25, -5, 8), np.zeros(8))
     face = np.concatenate([face, np.full(8, 2, np.int32)])  # the side that faces the other block
     place = np.concatenate([place, np.full((8, 2), 0.3)])
-    found = light_leaving(smooth_surface(mesh), medium, [sky()], face, place, 160, 4, share=enters)
+    found = light_leaving(rays_of(mesh), medium, [sky()], face, place, 160, 4, share=enters)
     arrives = 2 * np.trapezoid(enters * cosine, cosine)
     got, stderr = found.mean[WHOLE][:, 0], found.stderr[WHOLE][:, 0]
     assert np.all(got < arrives + 3.5 * stderr)
@@ -204,7 +203,7 @@ def test_estimates_are_in_order_and_skin_lights_skin():
     """Hard shadows give the least, all of transport the most; between two blocks the difference is large."""
     mesh = joined(box([-30, -30, -20], [-2, 30, 20]), box([2, -30, -20], [30, 30, 20]))
     face, place = np.full(4, 2, np.int32), np.full((4, 2), 0.3)
-    found = light_leaving(smooth_surface(mesh), TransportMedium(*SKIN), [sky()], face, place, 320, 4)
+    found = light_leaving(rays_of(mesh), TransportMedium(*SKIN), [sky()], face, place, 320, 4)
     hard, through, whole = (found.mean[e].sum() for e in (HARD, THROUGH, WHOLE))
     assert hard <= through <= whole
     assert whole > 1.1 * hard
@@ -213,7 +212,7 @@ def test_estimates_are_in_order_and_skin_lights_skin():
 def test_the_same_numbers_on_any_threads_and_cut_anywhere():
     """Points keep their walks, bit for bit, whoever computes them and with whom."""
     mesh = sphere(20.0, "cube", 24)
-    surface, medium = smooth_surface(mesh), TransportMedium(*SKIN, 0.3, 1.3)
+    surface, medium = rays_of(mesh), TransportMedium(*SKIN, 0.3, 1.3)
     lights = [
         sun(0.6),
         sky(),
@@ -247,7 +246,7 @@ def test_lamps_give_what_suns_of_the_same_irradiance_give():
             edge_v_mm=(100.0, 0.0, 0.0), radiance=(far**2 / 1e4,) * 3,
         ),
     ]  # fmt: skip
-    found = light_leaving(smooth_surface(mesh), TransportMedium(*SKIN, 0.0, 1.4), lights, face, place, 64)
+    found = light_leaving(rays_of(mesh), TransportMedium(*SKIN, 0.0, 1.4), lights, face, place, 64)
     np.testing.assert_allclose(found.mean[WHOLE][:, 1:], found.mean[WHOLE][:, :1].repeat(2, axis=1), rtol=2e-3)
 
 
@@ -260,14 +259,10 @@ def test_an_environment_map_is_looked_up_where_its_light_comes_from():
     image = np.zeros((32, 64, 3), np.float32)
     image[:, np.abs(u - 0.5) < 0.25] = 1 / math.pi
     lights = [sky(), EnvironmentLight(type="environment", name="map", path="x", rotate_deg=0.0)]
-    found = light_leaving(
-        smooth_surface(mesh), TransportMedium(*SKIN), lights, face, place, 160, environments={"map": image}
-    )
+    found = light_leaving(rays_of(mesh), TransportMedium(*SKIN), lights, face, place, 160, environments={"map": image})
     np.testing.assert_allclose(found.mean[WHOLE][:, 1], found.mean[WHOLE][:, 0], rtol=1e-6)
     turned = [EnvironmentLight(type="environment", name="map", path="x", rotate_deg=180.0)]
-    dark = light_leaving(
-        smooth_surface(mesh), TransportMedium(*SKIN), turned, face, place, 160, environments={"map": image}
-    )
+    dark = light_leaving(rays_of(mesh), TransportMedium(*SKIN), turned, face, place, 160, environments={"map": image})
     assert dark.mean[WHOLE].max() == 0
 
 
@@ -275,6 +270,4 @@ def test_no_walks_are_refused():
     """A count below 1 is an error, not an empty mean."""
     mesh = sphere(20.0, "cube", 24)
     with pytest.raises(ValueError, match="walks"):
-        light_leaving(
-            smooth_surface(mesh), TransportMedium(*SKIN), [sun()], np.zeros(1, np.int32), np.full((1, 2), 0.3), 0
-        )
+        light_leaving(rays_of(mesh), TransportMedium(*SKIN), [sun()], np.zeros(1, np.int32), np.full((1, 2), 0.3), 0)

@@ -1,0 +1,282 @@
+"""A bake against light transport in the same skin: walks, the bake's own M at the same points, the distance."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import skinbake
+from skinbake import pipeline
+from skinbake.atlas import FIRST_TILE, tile_origin
+from skinbake.bake.baking import bake_look
+from skinbake.diffuse.probes import read_bilinear
+from skinbake.errors import ToleranceMissedError
+from skinbake.io.bake_folder import read_bake_folder
+from skinbake.io.fingerprint import code_key, input_hashes, key_of
+from skinbake.io.manifest import NAME as MANIFEST
+from skinbake.io.manifest import read_manifest, write_manifest
+from skinbake.io.scene_files import read_scene
+from skinbake.io.truth import read_walks, write_truth, write_walks
+from skinbake.irradiance.oil_albedo import transmitted_share
+from skinbake.irradiance.smooth_surface import smooth_surface
+from skinbake.numerics import Float
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import MapsSpec, SceneSpec, TexturingSpec
+from skinbake.transport.closed import refuse_open
+from skinbake.transport.light_leaving import ESTIMATES, light_leaving
+from skinbake.transport.medium_of_skin import medium_of_skin
+from skinbake.transport.model_error import GroupError, model_error
+from skinbake.transport.points import TruthPoints, draw_points
+from skinbake.transport.surface_rays import SurfaceRays
+
+BATCH = 12  # points between two looks at the clock
+KEPT_EVERY_S = 20.0
+SHARE_NODES = 129
+SWITCHES = ("energy_conservation",)  # terms that both sides share, so that switching them says nothing
+Say = Callable[[str, float], None]
+
+
+def bare_look(spec: SceneSpec) -> SceneSpec:
+    """The look that walks in a homogeneous medium can be compared with, the same one where it is so already.
+
+    Without maps, of the medium's own colour, each light by itself; baked beside the look where that differs.
+    """
+    bare = spec.model_copy(
+        update={
+            "maps": MapsSpec(),
+            "skin": spec.skin.model_copy(update={"normalise": "none"}),
+            "texturing": TexturingSpec(),
+            "output": spec.output.model_copy(update={"lights": "separate", "tx": False}),
+        }
+    )
+    if bare.model_dump() == spec.model_dump():
+        return spec
+    folder = str(Path(spec.output.dir) / "truth")
+    return bare.model_copy(update={"output": bare.output.model_copy(update={"dir": folder})})
+
+
+def measure_truth(
+    spec: SceneSpec, points: int, walks: int, terms: bool, verbosity: int, step: Say
+) -> tuple[dict[str, Any], dict[str, dict[str, GroupError]]]:
+    """Walk, bake what is stale, compare, and write truth.json and the manifest's `error.model`.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    points, walks : int
+    terms : bool
+        Also bake without each of the terms that the bake has.
+    verbosity : int
+    step : callable
+        Told a line and how many points are done with it.
+
+    Returns
+    -------
+    dict
+        What truth.json holds.
+    dict of term to errors
+        Of bakes without that term.
+
+    Raises
+    ------
+    InputError
+        The mesh is open, or the skin has no medium that light could be followed through.
+    """
+    look = bare_look(spec)
+    medium = medium_of_skin(look.skin)
+    scene = read_scene(look, rays=False)
+    refuse_open(scene.mesh, look.mesh.path)
+    rays = SurfaceRays(smooth_surface(scene.mesh))
+    at = draw_points(scene.mesh, rays, look.lights, points, look.output.seed)
+    share = None
+    if pipeline.energy_conservation(look).kept:
+        oil = look.specular
+        share = transmitted_share(np.linspace(0, 1, SHARE_NODES), oil.roughness, oil.f0, oil.strength)
+
+    folder = Path(look.output.dir)
+    key = key_of(
+        code_key("transport", "irradiance", "profile/photons.py"), input_hashes(look), look.mesh.model_dump(),
+        [light.model_dump() for light in look.lights], look.shadows, look.skin.model_dump(), points, walks,
+        look.output.seed, None if share is None else share.tolist(),
+    )  # fmt: skip
+    count = len(at.face)
+    shape = (len(ESTIMATES), count, len(look.lights), 3)
+    done, mean, stderr = np.zeros(count, np.bool_), np.zeros(shape), np.zeros(shape)
+    kept = read_walks(folder, key)
+    if kept is not None and kept["mean"].shape == shape:
+        done, mean, stderr = kept["done"], kept["mean"], kept["stderr"]
+        step(f"{int(done.sum())} points are there already", float(done.sum()))
+    saved, lock, finished = time.monotonic(), threading.Lock(), 0
+
+    def one_done(number: int) -> None:
+        nonlocal finished
+        with lock:
+            finished += number
+
+    todo = np.flatnonzero(~done)
+    for start in range(0, len(todo), BATCH):
+        part = todo[start : start + BATCH]
+        # A point's walks depend on its number alone: points of a batch follow each other only where none was done
+        for first, last in _runs(part):
+            found = light_leaving(
+                rays, medium, look.lights, at.face[first:last], at.barycentric[first:last], walks,
+                look.output.seed, look.shadows, share, scene.environments, first, one_done,
+            )  # fmt: skip
+            mean[:, first:last], stderr[:, first:last], done[first:last] = found.mean, found.stderr, True
+        step(f"{int(done.sum())} of {count} points", len(part))
+        if time.monotonic() - saved > KEPT_EVERY_S:
+            write_walks(folder, key, done, mean, stderr)
+            saved = time.monotonic()
+    if len(todo):
+        write_walks(folder, key, done, mean, stderr)
+
+    _bake(look, verbosity)
+    baked = light_baked(folder, scene.mesh, at)
+    whole, noise = mean[ESTIMATES["whole"]], stderr[ESTIMATES["whole"]]
+    error = model_error(*_totals(baked, whole, noise), at.weight, at.groups)
+    without = {}
+    if terms:
+        for term in _terms_of(folder):
+            other = look.model_copy(update={"terms": look.terms.model_copy(update={term: "off"})})
+            with TemporaryDirectory(prefix="skinbake-") as temporary:
+                other = other.model_copy(update={"output": other.output.model_copy(update={"dir": temporary})})
+                _bake(other, 0)
+                values = light_baked(Path(temporary), scene.mesh, at)
+            without[term] = model_error(*_totals(values, whole, noise), at.weight, at.groups)
+            step(f"without {term}", 0)
+    truth = {
+        "version": skinbake.__version__,
+        "medium": {
+            "sigma_a_per_mm": medium.sigma_a_per_mm.tolist(),
+            "sigma_s_per_mm": medium.sigma_s_per_mm.tolist(),
+            "g": medium.g,
+            "eta": medium.eta,
+        },
+        "walks": walks,
+        "seed": look.output.seed,
+        "lights": [light.name for light in look.lights],
+        "error": error,
+        "without": without,
+        "samples": _samples(look, scene.mesh, at, mean, stderr, baked),
+    }
+    write_truth(folder, truth)
+    model = _summary(_totals(baked, whole, noise), at, error)
+    for bake in {folder, Path(spec.output.dir)}:
+        if (bake / MANIFEST).is_file():
+            _put_model(bake, model)
+    return truth, without
+
+
+def _runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """First and one past the last of each stretch of consecutive numbers."""
+    breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
+    return [(int(part[0]), int(part[-1]) + 1) for part in np.split(numbers, breaks) if len(part)]
+
+
+def _bake(look: SceneSpec, verbosity: int) -> None:
+    """Bake what is stale; a missed tolerance is for the comparison to tell."""
+    with suppress(ToleranceMissedError):
+        bake_look(look, preview=False, verbosity=verbosity)
+
+
+def _terms_of(folder: Path) -> list[str]:
+    """Terms that the bake has, but those that are the walks' as well."""
+    terms = read_manifest(folder)["terms"]
+    return [name for name, kept in terms.items() if kept and name not in SWITCHES]
+
+
+def light_baked(folder: Path, mesh: SkinMesh, at: TruthPoints) -> Float:
+    """M of a bake at points, read from its files as a GPU reads them, (P, L, 3)."""
+    scene = read_bake_folder(folder).scene
+    lights = len(scene.lights)
+    weight = np.concatenate([1 - at.barycentric.sum(axis=1, keepdims=True), at.barycentric], axis=1)
+    uv = np.einsum("pk,pki->pi", weight, mesh.corner_uv[at.face])
+    middle = np.floor(mesh.corner_uv[at.face].mean(axis=1))
+    several = len(next(iter(scene.lobes)).rgb) > 1
+    number = FIRST_TILE + middle[:, 0] + 10 * middle[:, 1] if several else np.full(len(uv), FIRST_TILE)
+    total = np.zeros((len(uv), lights, 3))
+    for lobe in scene.lobes:
+        for tile, image in lobe.rgb.items():
+            mine = number == (tile if several else FIRST_TILE)
+            u0, v0 = tile_origin(tile)
+            place = np.stack([v0 + 1 - uv[mine, 1], uv[mine, 0] - u0], axis=1)
+            values = read_bilinear(np.asarray(image, np.float32), place).reshape(-1, lights, 3)
+            total[mine] += values * np.asarray(lobe.weight_rgb)
+    return total
+
+
+def _totals(baked: Float, whole: Float, noise: Float) -> tuple[Float, Float, Float]:
+    """Sums over the lights, (P, 3); all lights are seen by the same walks, so standard errors add up as they are."""
+    return baked.sum(axis=1), whole.sum(axis=1), noise.sum(axis=1)
+
+
+def _summary(totals: tuple[Float, Float, Float], at: TruthPoints, error: dict[str, GroupError]) -> dict[str, Any]:
+    """What the manifest says of it."""
+
+    def rms(found: GroupError | None, mine: NDArray[np.bool_]) -> tuple[float, float] | None:
+        if found is None:
+            return None
+        norm = np.sqrt((at.weight[mine, None] * totals[1][mine] ** 2).sum(axis=0))
+        scale = norm / max(float(np.linalg.norm(norm)), 1e-300)
+        value = float(np.linalg.norm(np.array(found["rms_rgb"]) * scale))
+        spread = float(np.linalg.norm(np.array(found["stderr_rgb"]) * scale))
+        return value, spread
+
+    everywhere = rms(error["all"], np.ones(len(at.weight), np.bool_))
+    lit, edges = (rms(error.get(name), at.groups[name]) for name in ("lit", "edges"))
+    assert everywhere is not None
+    return {
+        "rms": everywhere[0],
+        "rms_lit": lit and lit[0],
+        "rms_edges": edges and edges[0],
+        "stderr": everywhere[1],
+        "bias_rgb": error["all"]["bias_rgb"],
+        "rms_rgb": {name: found["rms_rgb"] for name, found in error.items()},
+        "points": error["all"]["points"],
+    }
+
+
+def _put_model(folder: Path, model: dict[str, Any]) -> None:
+    """Write `error.model` into a folder's manifest; a bake without probes has no other error."""
+    manifest = read_manifest(folder)
+    raw = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    raw["error"] = (manifest.get("error") or {}) | {"model": model}
+    write_manifest(folder, raw)
+
+
+def _samples(
+    look: SceneSpec, mesh: SkinMesh, at: TruthPoints, mean: Float, stderr: Float, baked: Float
+) -> list[dict[str, Any]]:
+    """A record for each point and light."""
+    weight = np.concatenate([1 - at.barycentric.sum(axis=1, keepdims=True), at.barycentric], axis=1)
+    position = np.einsum("pk,pki->pi", weight, mesh.corner_position_mm[at.face])
+
+    def plain(values: Float) -> list[float]:
+        return [float(f"{value:.6g}") for value in values]
+
+    return [
+        {
+            "face": int(at.face[p]),
+            "barycentric": at.barycentric[p].tolist(),
+            "position_mm": plain(position[p]),
+            "light": light.name,
+            "M": plain(mean[ESTIMATES["whole"], p, i]),
+            "stderr": plain(stderr[ESTIMATES["whole"], p, i]),
+            "M_bake": plain(baked[p, i]),
+            "M_hard": plain(mean[ESTIMATES["hard"], p, i]),
+            "M_through": plain(mean[ESTIMATES["through"], p, i]),
+            "weight": float(f"{at.weight[p]:.6g}"),
+            "groups": [name for name, mine in at.groups.items() if mine[p]],
+        }
+        for p in range(len(at.face))
+        for i, light in enumerate(look.lights)
+    ]

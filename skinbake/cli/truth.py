@@ -1,0 +1,77 @@
+"""`skinbake truth CONFIG`: how far a bake is from light transport in the same skin."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from skinbake.cli.options import config_argument, json_option, out_option, quiet_option, set_option
+
+
+@click.command("truth")
+@config_argument
+@out_option
+@set_option
+@click.option("--points", type=click.IntRange(1, 100_000), default=300, show_default=True, help="Points of the skin.")
+@click.option(
+    "--walks", type=click.IntRange(1, 10_000_000), default=1600, show_default=True, help="Walks a point and channel."
+)
+@click.option("--terms/--no-terms", default=True, help="Also bake without each term, to tell what it brings.")
+@json_option
+@quiet_option
+def command(
+    config: str,
+    out: str | None,
+    overrides: tuple[str, ...],
+    points: int,
+    walks: int,
+    terms: bool,
+    as_json: bool,
+    verbosity: int,
+) -> None:
+    """Measure how far the bake of CONFIG is from light transport: random walks inside the closed mesh.
+
+    Maps are left out on both sides and the skin keeps its medium's colour. Walks that were done are kept: a command
+    that was stopped goes on where it was.
+    """
+    from skinbake.bake.truth import bare_look, measure_truth
+    from skinbake.cli.progress_bar import counted
+    from skinbake.io.config import load_look
+    from skinbake.io.truth_plot import write_truth_chart
+
+    look = load_look(config, overrides, out)
+    with counted(points, "walking", verbosity) as step:
+        truth, without = measure_truth(look, points, walks, terms, max(0, verbosity - 1), step)
+    folder = Path(bare_look(look).output.dir)
+    write_truth_chart(
+        folder / "truth.png", f"{Path(config).name}: {points} points, {walks} walks", truth["error"], without
+    )
+    if as_json:
+        print(json.dumps({name: truth[name] for name in ("medium", "error", "without")}, indent=1))
+    elif verbosity:
+        _print(truth["error"], without)
+        print(f"{folder / 'truth.json'}, truth.png", file=sys.stderr)
+
+
+def _print(error: dict[str, Any], without: dict[str, Any]) -> None:
+    """Tables on the terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(soft_wrap=True)
+    table = Table(title="distance from light transport, rms % (R, G, B)")
+    for column in ("skin", "points", "rms", "standard error", "bias", *(f"without {term}" for term in without)):
+        table.add_column(column, justify="left" if column == "skin" else "right")
+
+    def row(values: list[float]) -> str:
+        return " ".join(f"{100 * value:.1f}" for value in values)
+
+    for name, found in error.items():
+        others = [row(each[name]["rms_rgb"]) for each in without.values()]
+        cells = (row(found[key]) for key in ("rms_rgb", "stderr_rgb", "bias_rgb"))
+        table.add_row(name, str(found["points"]), *cells, *others)
+    console.print(table)
