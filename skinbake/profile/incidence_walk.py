@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from skinbake.kernels.compile import kernel
 from skinbake.profile.photons import GOLDEN, VERTICAL, fresnel, mixed, uniform
 
 ROULETTE_BELOW = 0.02
@@ -14,7 +14,7 @@ MAX_EVENTS = 100_000
 LATTICE = 0.7548776662466927, 0.5698402909980532  # R2 sequence [Roberts2018]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def reflect_beams(seed, walks, face, sigma_t, albedo, g, eta, cos_inside, out):  # type: ignore[no-untyped-def]
     """Share of the light that entered a stack under each of K slants and leaves it above.
 

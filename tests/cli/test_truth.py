@@ -1,0 +1,100 @@
+"""A bake against transport through the command line: files, groups, what is kept, what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from skinbake.cli import run
+from skinbake.io.mesh import write_obj
+from skinbake.io.truth import WALKS, read_walks, write_walks
+from tests.shapes import quad, sphere
+
+LOOK = """\
+mesh: {path: ball.obj, unit: mm, any_size: true}
+texture: {size: 64, gutter: 2}
+skin: {model: dipole, sigma_a_per_mm: [0.32, 1.7, 4.8], sigma_sp_per_mm: [7.4, 8.8, 10.1], eta: 1.0, normalise: none}
+lights:
+  - {name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 2, 3]}
+  - {name: sky, type: environment, radiance: [0.1, 0.1, 0.1]}
+diffusion: {method: surface, tolerance: 1.0, probes: 50}
+terms: {energy_conservation: off, transmission: off}
+output: {dir: out}
+"""
+
+
+@pytest.fixture
+def look(tmp_path):
+    """A ball of 20 mm and a look of it."""
+    write_obj(tmp_path / "ball.obj", sphere(20.0, "cube", 48))
+    (tmp_path / "look.yaml").write_text(LOOK)
+    return tmp_path / "look.yaml"
+
+
+def test_a_ball_is_compared_and_taken_up_where_it_stopped(look, capsys):
+    """truth.json has a record for each point and light, the manifest the distance; a second run walks no more."""
+    command = ["truth", str(look), "--points", "16", "--walks", "96", "--json", "--quiet"]
+    assert run(command) == 0
+    said = json.loads(capsys.readouterr().out)
+    out = look.parent / "out"
+    truth = json.loads((out / "truth.json").read_text())
+    assert len(truth["samples"]) == 32
+    assert {"face", "barycentric", "light", "M", "stderr", "M_bake"} <= set(truth["samples"][0])
+    assert {sample["light"] for sample in truth["samples"]} == {"key", "sky"}
+    # Lit skin of a large ball of dense medium: the bake is within the profile's and the slant's error of it
+    lit = [s for s in truth["samples"] if "lit" in s["groups"] and s["light"] == "key"]
+    ratio = [s["M_bake"][0] / s["M"][0] for s in lit]
+    assert len(lit) >= 4
+    assert 0.6 < np.median(ratio) < 1.05
+    assert said["error"]["all"]["points"] == 16
+    model = json.loads((out / "bake.json").read_text())["error"]["model"]
+    assert set(model) >= {"rms", "rms_lit", "rms_edges", "stderr", "bias_rgb"}
+    assert 0.01 < model["rms"] < 0.5
+    assert (out / "truth.png").stat().st_size > 5000
+    first = (out / "truth.json").read_bytes()
+
+    # Half of the walks are lost: they are walked again to the same numbers
+    with np.load(out / WALKS) as file:
+        kept = {name: file[name] for name in file.files}
+    key = str(kept["key"])
+    done = np.arange(16) % 3 > 0
+    blank = np.where(done[None, :, None, None], kept["mean"], 7.0)
+    write_walks(out, key, done, blank, np.where(done[None, :, None, None], kept["stderr"], 7.0))
+    assert run(command) == 0
+    assert (out / "truth.json").read_bytes() == first
+    found = read_walks(out, key)
+    assert found is not None
+    assert found["done"].all()
+    assert read_walks(out, "another") is None
+
+
+def test_maps_are_left_out_in_a_folder_of_their_own(look, capsys):
+    """A white skin with a colour of its own is compared as its medium is, beside the look's own bake."""
+    run(["truth", str(look), "--points", "2", "--walks", "16", "--quiet", "--set", "skin.normalise=white"])
+    assert (look.parent / "out" / "truth" / "truth.json").is_file()
+    assert not (look.parent / "out" / "bake.json").exists()
+    baked = json.loads((look.parent / "out" / "truth" / "bake.json").read_text())
+    assert baked["config"]["skin"]["normalise"] == "none"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "reason"),
+    [
+        (["skin={preset: gpugems3-six-gaussians}"], "gives a profile and no medium"),
+        (["skin={preset: donner-three-layer}"], "3 different layers"),
+        (["skin.sigma_sp_per_mm=1e-3", "skin.sigma_a_per_mm=1e-3"], "too clear"),
+    ],
+)
+def test_what_cannot_be_walked_through_is_refused(look, capsys, overrides, reason):
+    """Exit 2 and the reason, before anything is written."""
+    assert run(["truth", str(look), "--quiet", *(f"--set={text}" for text in overrides)]) == 2
+    assert reason in capsys.readouterr().err
+    assert not (look.parent / "out").exists()
+
+
+def test_an_open_mesh_is_refused_with_its_name(look, capsys):
+    """Where the light would leave is told."""
+    write_obj(look.parent / "ball.obj", quad(columns=4, rows=4))
+    assert run(["truth", str(look), "--quiet"]) == 2
+    assert "ball.obj: expected a closed mesh" in capsys.readouterr().err
+    assert not (look.parent / "out").exists()
