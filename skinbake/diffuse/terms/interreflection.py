@@ -1,0 +1,338 @@
+"""Skin that lights skin: nostrils, eye sockets, lips, behind the ear.
+
+What leaves a point of the skin falls on what faces it. Rays from every texel of a smaller texture, cosine distributed
+over the hemisphere, say which other texels it sees: that is found once and serves every light. The irradiance of skin
+is then the mean of what the texels that were hit send back, M; rays that meet no skin bring nothing (theory.md 9.7).
+Bounced light is smooth, so that few and coarse texels are enough, read bilinearly at the full size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, AtlasRaster, face_mm_per_texel, rasterize
+from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits, skin_points
+from skinbake.irradiance.occluder import Occluder
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.scene.decision import Decision
+from skinbake.scene.mesh import SkinMesh
+
+Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+RECEIVER_MM = 2.0  # texels that receive bounced light, at a tolerance of a hundredth
+LOOKING, MORE = 32, 64  # rays that look whether there is skin at all; rays where there is
+ESTIMATED, ESTIMATE_RAYS = 4000, 16  # texels and rays by which `auto` decides
+
+_R2 = 0.7548776662466927, 0.5698402909980532  # [Roberts2018]
+
+
+@dataclass(frozen=True)
+class SkinView:
+    """What texels of a small atlas see of the skin.
+
+    Attributes
+    ----------
+    atlas : Atlas
+        The small one.
+    tile : ndarray of shape (n,), int32
+        Place in the atlas of each texel that sees skin.
+    flat_index : ndarray of shape (n,), int64
+        row * w + col of each.
+    seen_tile, seen : ndarrays of shape (n, rays), int32
+        Place in the atlas, and row * W + col in the full texture, of the skin that each ray meets; `seen` is NOTHING
+        where it meets none.
+    """
+
+    atlas: Atlas
+    tile: NDArray[np.int32]
+    flat_index: Index
+    seen_tile: NDArray[np.int32]
+    seen: NDArray[np.int32]
+
+
+def look_around(
+    mesh: SkinMesh,
+    occluder: Occluder,
+    size: tuple[int, int],
+    gutter: int,
+    udim: bool,
+    receiver_mm: float = RECEIVER_MM,
+    rays: tuple[int, int] = (LOOKING, MORE),
+) -> SkinView:
+    """Trace rays from the texels of a texture whose texels are about `receiver_mm` wide.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    occluder : Occluder
+        The mesh's.
+    size : (width, height)
+        Of the full texture.
+    gutter : int
+        In its texels.
+    udim : bool
+    receiver_mm : float
+    rays : (int, int)
+        From every texel; from those of which one of these meets skin.
+    """
+    texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
+    coarse = max(1, round(receiver_mm / max(texel_mm, 1e-6)))
+    small = (max(1, -(-size[0] // coarse)), max(1, -(-size[1] // coarse)))
+    atlas = rasterize(mesh, small, max(2, gutter // coarse), udim)
+    parts = []
+    for k, raster in enumerate(atlas):
+        rows, cols = np.nonzero(raster.addressed)
+        flat = rows * raster.shape[1] + cols
+        point, normal = skin_points(raster, mesh, occluder, rows, cols)
+        first = _trace(mesh, occluder, size, udim, point, normal, flat, 0, rays[0])
+        near = np.flatnonzero((first[1] != NOTHING).any(axis=1))
+        more = _trace(mesh, occluder, size, udim, point[near], normal[near], flat[near], rays[0], rays[1] - rays[0])
+        seen_tile, seen = (np.concatenate([a[near], b], axis=1) for a, b in zip(first, more, strict=True))
+        parts.append((np.full(len(near), k, np.int32), flat[near], seen_tile, seen))
+    return SkinView(atlas, *(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+
+def bounced_light(
+    view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1
+) -> list[Image]:
+    """Irradiance that skin gets from skin, at the small texels, (L, h, w, 3) a tile in the atlas's order.
+
+    Parameters
+    ----------
+    view : SkinView
+    sent : sequence of ndarray of shape (L, H, W, 3)
+        M of each tile of the full texture, of the light that arrives without a bounce.
+    reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
+        What of the bounced irradiance leaves as M again.
+    bounces : int
+        1 or more.
+
+    Raises
+    ------
+    ValueError
+        If `bounces` is below 1.
+    """
+    if bounces < 1:
+        raise ValueError(f"bounces: expected at least 1, got {bounces}")
+    lights = sent[0].shape[0]
+    shapes = [raster.shape for raster in view.atlas]
+    size = sent[0].shape[1:3]
+    out = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
+    source: Sequence[Image] = sent
+    for turn in range(bounces):
+        got = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
+        for k, image in enumerate(source):
+            for j, receiving in enumerate(got):
+                mine = np.flatnonzero(view.tile == j)
+                flat = receiving.reshape(lights, -1, 3)
+                parallel_for(
+                    _collect, len(mine), view.flat_index[mine], view.seen_tile[mine], view.seen[mine], k, size,
+                    np.ascontiguousarray(image, np.float32), flat,
+                )  # fmt: skip
+        for total, each in zip(out, got, strict=True):
+            total += each
+        if turn + 1 < bounces:
+            source = [each * _fitted(colour, each.shape[1:3]) for each, colour in zip(got, reflected, strict=True)]
+    return out
+
+
+def decide_interreflection(
+    mesh: SkinMesh,
+    occluder: Occluder,
+    light: Sequence[Image],
+    reflected: Sequence[Image],
+    atlas: Atlas,
+    udim: bool,
+    switch: str,
+    tolerance: float,
+) -> Decision:
+    """Whether skin lights skin by more than the tolerance; `auto` looks from a few texels with a few rays.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    occluder : Occluder
+    light : sequence of ndarray of shape (L, H, W, 3)
+        Irradiance, by tile.
+    reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
+        What of it leaves as M.
+    atlas : Atlas
+        The full one.
+    udim : bool
+    switch : "auto", "on" or "off"
+    tolerance : float
+    """
+    if switch == "off":
+        return Decision("interreflection", False, "off")
+    arrived, bounced, skin_mm2 = 0.0, 0.0, 0.0
+    height, width = atlas[0].shape
+    chosen = []
+    for raster in atlas:
+        area = np.cumsum(raster.area_mm2.ravel(), dtype=np.float64)
+        places = (np.arange(ESTIMATED) + 0.5) / ESTIMATED * area[-1]
+        chosen.append(np.minimum(np.searchsorted(area, places), len(area) - 1) if area[-1] > 0 else np.zeros(0, int))
+    for raster, flat, image in zip(atlas, chosen, light, strict=True):
+        rows, cols = np.divmod(flat, width)
+        point, normal = skin_points(raster, mesh, occluder, rows, cols)
+        seen_tile, seen = _trace(mesh, occluder, (width, height), udim, point, normal, flat, 0, ESTIMATE_RAYS)
+        got = np.zeros((len(flat), 3))
+        for k, (other, colour) in enumerate(zip(light, reflected, strict=True)):
+            hit = (seen != NOTHING) & (seen_tile == k)
+            total = other.reshape(len(other), -1, 3)[:, seen[hit]].sum(axis=0, dtype=np.float64)
+            sent = total * np.broadcast_to(colour, (height, width, 3)).reshape(-1, 3)[seen[hit]]
+            np.add.at(got, np.nonzero(hit)[0], sent / ESTIMATE_RAYS)
+        direct = image.reshape(len(image), -1, 3)[:, flat].sum(axis=0, dtype=np.float64)
+        share = float(raster.area_mm2.sum(dtype=np.float64)) / max(len(flat), 1)
+        arrived, bounced = arrived + share * float((direct**2).sum()), bounced + share * float((got**2).sum())
+        skin_mm2 += share
+    rms = float(np.sqrt(bounced / arrived)) if arrived > 0 else 0.0
+    kept = switch == "on" or rms > tolerance
+    why = f"{switch}: skin lights skin with {rms:.2%} of the light (rms), tolerance {tolerance:.2%}"
+    return Decision("interreflection", kept, why)
+
+
+def _trace(
+    mesh: SkinMesh,
+    occluder: Occluder,
+    size: tuple[int, int],
+    udim: bool,
+    point: Image,
+    normal: Image,
+    flat: Index,
+    first: int,
+    count: int,
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Tile's place in the atlas and texel of the full texture that each ray meets, both (n, count)."""
+    origin = np.empty((len(point) * count, 3), np.float32)
+    direction = np.empty_like(origin)
+    step = np.float32(0.01 + 32 * occluder.spacing_mm)
+    parallel_for(_aim, len(point), point, normal, flat, first, count, step, origin, direction)
+    tile, texel = np.empty((2, len(origin)), np.int32)
+    for start in range(0, len(origin), 1 << 20):
+        part = slice(start, start + (1 << 20))
+        tile[part], texel[part] = locate_hits(mesh, occluder, size, udim, origin[part], direction[part])
+    return tile.reshape(-1, count), texel.reshape(-1, count)
+
+
+@kernel
+def _aim(start, stop, point, normal, flat, first, count, step, origin, direction):  # type: ignore[no-untyped-def]
+    """Cosine-distributed rays `first` to `first + count` of each texel's own sequence, written.
+
+    Parameters
+    ----------
+    start, stop : int
+        Which of them.
+    point, normal : ndarrays of shape (n, 3)
+    flat : ndarray of shape (n,)
+        What turns each texel's sequence.
+    first, count : int
+    step : float
+        Start above the skin, mm.
+    origin, direction : ndarrays of shape (n * count, 3), written
+    """
+    for i in range(start, stop):
+        nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
+        sign = 1.0 if nz >= 0.0 else -1.0
+        a = -1.0 / (sign + nz)
+        b = nx * ny * a
+        # Neighbouring texels look at other places of the pattern
+        turn_0, turn_1 = flat[i] * 0.6180339887498949 % 1.0, flat[i] * 0.41421356237309515 % 1.0
+        for k in range(count):
+            u, v = (turn_0 + (first + k) * _R2[0]) % 1.0, (turn_1 + (first + k) * _R2[1]) % 1.0
+            r, angle = np.sqrt(u), 2.0 * np.pi * v
+            p, q, up = r * np.cos(angle), r * np.sin(angle), np.sqrt(1.0 - u)
+            at = i * count + k
+            direction[at, 0] = p * (1.0 + sign * nx * nx * a) + q * b + up * nx
+            direction[at, 1] = p * sign * b + q * (sign + ny * ny * a) + up * ny
+            direction[at, 2] = p * -sign * nx + q * -ny + up * nz
+            for axis in range(3):
+                origin[at, axis] = point[i, axis] + step * normal[i, axis]
+
+
+@kernel
+def _collect(start, stop, flat_index, seen_tile, seen, tile, size, image, out):  # type: ignore[no-untyped-def]
+    """Add the mean of what rays see of one tile to their texels.
+
+    Parameters
+    ----------
+    start, stop : int
+        Which of them.
+    flat_index : ndarray of shape (n,)
+    seen_tile, seen : ndarrays of shape (n, rays)
+        `seen` is a texel of a texture of `size`, whatever the size of `image` is.
+    tile : int
+    size : (height, width)
+    image : ndarray of shape (L, h, w, 3)
+    out : ndarray of shape (L, texels, 3), added to
+    """
+    lights, height, width = image.shape[0], image.shape[1], image.shape[2]
+    rays = seen.shape[1]
+    for i in range(start, stop):
+        for k in range(rays):
+            if seen[i, k] < 0 or seen_tile[i, k] != tile:
+                continue
+            row = seen[i, k] // size[1] * height // size[0]
+            col = seen[i, k] % size[1] * width // size[1]
+            for light in range(lights):
+                for c in range(3):
+                    out[light, flat_index[i], c] += image[light, row, col, c] / rays
+
+
+def _fitted(colour: Image, shape: tuple[int, ...]) -> Image:
+    """A map at the middle texels of a smaller size; a constant as it is."""
+    height, width = colour.shape[:2]
+    if (height, width) == (1, 1):
+        return colour
+    rows = (2 * np.arange(shape[0]) + 1) * height // (2 * shape[0])
+    cols = (2 * np.arange(shape[1]) + 1) * width // (2 * shape[1])
+    return colour[rows][:, cols]
+
+
+def at_full_size(small: Image, raster: AtlasRaster) -> Image:
+    """Bounced light at the addressed texels of the full texture, (L, H, W, 3), read bilinearly; 0 elsewhere.
+
+    Parameters
+    ----------
+    small : ndarray of shape (L, h, w, 3)
+    raster : AtlasRaster
+        The full one.
+    """
+    out = np.zeros((len(small), *raster.shape, 3), np.float32)
+    parallel_for(_enlarge, raster.shape[0], small, raster.addressed, out)
+    return out
+
+
+@kernel
+def _enlarge(start, stop, small, addressed, out):  # type: ignore[no-untyped-def]
+    """Bilinear reading at the centres of larger texels, written to `out`.
+
+    Parameters
+    ----------
+    start, stop : int
+        Which of them.
+    small : ndarray of shape (L, h, w, 3)
+    addressed : ndarray of shape (H, W), bool
+    out : ndarray of shape (L, H, W, 3)
+    """
+    lights, h, w = small.shape[0], small.shape[1], small.shape[2]
+    height, width = addressed.shape
+    for row in range(start, stop):
+        y = min(max((row + 0.5) * h / height - 0.5, 0.0), h - 1.0)
+        y0 = int(y)
+        y1, fy = min(y0 + 1, h - 1), np.float32(y - y0)
+        for col in range(width):
+            if not addressed[row, col]:
+                continue
+            x = min(max((col + 0.5) * w / width - 0.5, 0.0), w - 1.0)
+            x0 = int(x)
+            x1, fx = min(x0 + 1, w - 1), np.float32(x - x0)
+            for light in range(lights):
+                for c in range(3):
+                    top = small[light, y0, x0, c] * (1 - fx) + small[light, y0, x1, c] * fx
+                    bottom = small[light, y1, x0, c] * (1 - fx) + small[light, y1, x1, c] * fx
+                    out[light, row, col, c] = top * (1 - fy) + bottom * fy

@@ -1,0 +1,108 @@
+"""From texels to points that rays start at, and from what rays hit back to texels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster, tile_origin, tiles_of
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.shadow_origin import facet_point, point_of
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float
+from skinbake.scene.mesh import SkinMesh
+
+Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+NOTHING = -1
+
+
+def skin_points(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index) -> tuple[Image, Image]:
+    """Points of texels on the surface that rays meet, about the occluder's centre, and unit normals; shapes (n, 3).
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    mesh : SkinMesh
+    occluder : Occluder
+    rows, cols : ndarrays of shape (n,)
+        Addressed texels.
+    """
+    point, normal = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
+    parallel_for(
+        _place, len(rows),
+        raster.face_index, raster.barycentric, rows, cols, occluder.subdivided, mesh.corner_normal, point, normal,
+    )  # fmt: skip
+    return point, normal
+
+
+@kernel
+def _place(first, stop, face_index, barycentric, rows, cols, subdivided, normals, point, normal):  # type: ignore[no-untyped-def]
+    """Write the points and normals of texels `first` to `stop` of a list."""
+    for k in range(first, stop):
+        face, b = face_index[rows[k], cols[k]], barycentric[rows[k], cols[k]]
+        x, y, z = facet_point(normals, face, np.float64(b[0]), np.float64(b[1]))
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
+        normal[k, 0], normal[k, 1], normal[k, 2] = x / length, y / length, z / length
+        point[k, 0], point[k, 1], point[k, 2] = point_of(subdivided, face, np.float64(b[0]), np.float64(b[1]))
+
+
+def ascend(child: Index, b1: Float, b2: Float, levels: int) -> tuple[Index, Float, Float]:
+    """Face of the mesh and place in it of places in triangles of the smooth surface: the inverse of `descend`.
+
+    Parameters
+    ----------
+    child : ndarray of shape (n,)
+    b1, b2 : ndarrays of shape (n,)
+        Barycentrics 1 and 2.
+    levels : int
+        Of the surface.
+    """
+    for _ in range(levels):
+        corner, child = child % 4, child // 4
+        b1, b2 = (
+            np.select([corner == 0, corner == 1, corner == 2], [b1 / 2, (1 + b1) / 2, b1 / 2], (1 - b1) / 2),
+            np.select([corner == 0, corner == 1, corner == 2], [b2 / 2, b2 / 2, (1 + b2) / 2], (1 - b2) / 2),
+        )
+    return child, b1, b2
+
+
+def locate_hits(
+    mesh: SkinMesh, occluder: Occluder, size: tuple[int, int], udim: bool, origin: Image, direction: Image
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Which texel shows the skin that each ray meets first.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    occluder : Occluder
+    size : (width, height)
+        Of the texture.
+    udim : bool
+    origin, direction : ndarrays of shape (n, 3)
+
+    Returns
+    -------
+    tile : ndarray of shape (n,), int32
+        Place of the tile in the atlas.
+    texel : ndarray of shape (n,), int32
+        row * W + col; NOTHING where a ray meets no skin, or skin from behind.
+    """
+    tile, texel = np.zeros(len(origin), np.int32), np.full(len(origin), NOTHING, np.int32)
+    child, b1, b2, _ = occluder.first_hit(origin, direction)
+    met = np.flatnonzero(child >= 0)
+    front = (occluder.subdivided.facing[child[met]] * direction[met]).sum(axis=1) < 0
+    met = met[front]
+    face, c1, c2 = ascend(
+        child[met].astype(np.int64), b1[met].astype(np.float64), b2[met].astype(np.float64), occluder.subdivided.levels
+    )
+    uv = np.einsum("nk,nki->ni", np.stack([1 - c1 - c2, c1, c2], axis=1), mesh.corner_uv[face])
+    cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(np.int64)
+    for k, number in enumerate(tiles_of(mesh, udim)):
+        u0, v0 = tile_origin(number)
+        mine = np.flatnonzero((cell[face] == [u0, v0]).all(axis=1)) if udim else np.arange(len(met))
+        col = np.clip(((uv[mine, 0] - u0) * size[0]).astype(np.int64), 0, size[0] - 1)
+        row = np.clip(((v0 + 1 - uv[mine, 1]) * size[1]).astype(np.int64), 0, size[1] - 1)
+        tile[met[mine]], texel[met[mine]] = k, row * size[0] + col
+    return tile, texel

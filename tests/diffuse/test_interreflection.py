@@ -1,0 +1,115 @@
+"""Skin that lights skin, against cavities and plates with known exchange."""
+
+import numpy as np
+import pytest
+
+from skinbake.atlas import rasterize
+from skinbake.diffuse.terms.interreflection import (
+    NOTHING,
+    at_full_size,
+    bounced_light,
+    decide_interreflection,
+    look_around,
+)
+from skinbake.irradiance.occluder import Occluder
+from skinbake.scene.mesh import SkinMesh
+from tests.shapes import joined, quad, sphere
+
+SIZE = (96, 96)
+
+
+def cavity(radius_mm=40.0) -> SkinMesh:
+    """A sphere seen from inside."""
+    ball = sphere(radius_mm, "cube", 48)
+    turn = [0, 2, 1]
+    return SkinMesh(
+        ball.positions_mm, np.ascontiguousarray(ball.faces[:, turn]), ball.corner_uv[:, turn],
+        np.ascontiguousarray(-ball.corner_normal[:, turn]),
+    )  # fmt: skip
+
+
+def plates(side_mm=40.0, apart_mm=40.0) -> SkinMesh:
+    """Two equal squares that face each other, side by side in the texture."""
+    lower = quad(side_mm, side_mm, columns=4, rows=4, uv_box=(0.02, 0.02, 0.48, 0.98))
+    upper = quad(side_mm, side_mm, columns=4, rows=4, uv_box=(0.52, 0.02, 0.98, 0.98))
+    turn = [0, 2, 1]
+    upper = SkinMesh(
+        upper.positions_mm + [0, 0, apart_mm], np.ascontiguousarray(upper.faces[:, turn]), upper.corner_uv[:, turn],
+        -upper.corner_normal[:, turn],
+    )  # fmt: skip
+    return joined(lower, upper)
+
+
+@pytest.mark.parametrize("bounces", [1, 2, 3])
+def test_a_cavity_lights_itself_by_the_geometric_series(bounces):
+    """Every ray in a closed cavity meets it: E sum_k rho^k, everywhere alike, light by light."""
+    mesh = cavity()
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, (8, 16))
+    rho = np.array([0.8, 0.5, 0.2], np.float32)
+    sent = np.ones((2, *SIZE, 3), np.float32) * rho
+    sent[1] *= 3
+    got = bounced_light(view, [sent], [rho.reshape(1, 1, 3)], bounces)[0]
+    want = sum(rho.astype(float) ** k for k in range(1, bounces + 1))
+    here = view.atlas[0].addressed
+    assert here.any()
+    np.testing.assert_allclose(got[0][here], np.broadcast_to(want, got[0][here].shape), rtol=2e-6)
+    np.testing.assert_allclose(got[1], 3 * got[0], rtol=1e-6)
+
+
+def test_two_plates_exchange_what_their_form_factor_says():
+    """Equal squares a side apart: F = 0.1998 [Howell]; the lit one sends, the dark one receives and nothing else."""
+    mesh = plates()
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, (64, 256))
+    sent = np.zeros((1, *SIZE, 3), np.float32)
+    sent[:, :, : SIZE[0] // 2] = 1
+    got = bounced_light(view, [sent], [np.ones((1, 1, 3), np.float32)])[0][0, ..., 0]
+    raster = view.atlas[0]
+    dark = np.arange(raster.shape[1]) >= raster.shape[1] // 2
+    mean = (got * raster.area_mm2)[:, dark].sum() / raster.area_mm2[:, dark].sum()
+    assert abs(mean - 0.1998) < 0.002
+    assert got[:, ~dark].max() == 0
+
+
+def test_skin_seen_from_behind_and_no_skin_bring_nothing():
+    """Open squares that look the same way: no exchange, and no texel is kept."""
+    mesh = joined(
+        quad(40, 40, 0.0, uv_box=(0.02, 0.02, 0.48, 0.98)), quad(40, 40, 30.0, uv_box=(0.52, 0.02, 0.98, 0.98))
+    )
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, (16, 32))
+    assert len(view.seen) == 0 or (view.seen == NOTHING).all()
+    got = bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)])[0]
+    assert not got.any()
+
+
+def test_reading_at_the_full_size_keeps_a_plane():
+    """Bilinear: a constant stays one, texels outside every chart stay 0."""
+    mesh = plates()
+    raster = rasterize(mesh, SIZE, 4)[0]
+    found = at_full_size(np.full((2, 12, 12, 3), 0.25, np.float32), raster)
+    assert (found[:, raster.addressed] == 0.25).all()
+    assert not found[:, ~raster.addressed].any()
+
+
+def test_auto_asks_whether_it_is_worth_it():
+    """A cavity is; a ball from outside is not, by its number; on and off are obeyed."""
+    white = np.ones((1, 1, 3), np.float32)
+    for mesh, kept in ((cavity(), True), (sphere(40.0, "cube", 48), False)):
+        atlas = rasterize(mesh, SIZE, 4)
+        occluder = Occluder(mesh)
+        light = [np.ones((1, *SIZE, 3), np.float32)]
+        decide = lambda switch: decide_interreflection(  # noqa: E731
+            mesh, occluder, light, [0.5 * white], atlas, False, switch, 0.01  # noqa: B023
+        )
+        decision = decide("auto")
+        assert decision.kept == kept
+        assert ("50.00% of the light" in decision.why) == kept
+        assert decide("on").kept
+        assert not decide("off").kept
+
+
+def test_bounces_below_one_are_refused():
+    """None is said by switching the term off."""
+    mesh = plates()
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 8.0, (4, 8))
+    with pytest.raises(ValueError, match="bounces"):
+        bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)], 0)
