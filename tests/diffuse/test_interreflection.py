@@ -33,8 +33,9 @@ def plates(side_mm=40.0, apart_mm=40.0) -> SkinMesh:
     lower = quad(side_mm, side_mm, columns=4, rows=4, uv_box=(0.02, 0.02, 0.48, 0.98))
     upper = quad(side_mm, side_mm, columns=4, rows=4, uv_box=(0.52, 0.02, 0.98, 0.98))
     turn = [0, 2, 1]
+    above = upper.positions_mm + np.array([0, 0, apart_mm])
     upper = SkinMesh(
-        upper.positions_mm + [0, 0, apart_mm], np.ascontiguousarray(upper.faces[:, turn]), upper.corner_uv[:, turn],
+        above, np.ascontiguousarray(upper.faces[:, turn]), upper.corner_uv[:, turn],
         -upper.corner_normal[:, turn],
     )  # fmt: skip
     return joined(lower, upper)
@@ -97,9 +98,10 @@ def test_auto_asks_whether_it_is_worth_it():
         atlas = rasterize(mesh, SIZE, 4)
         occluder = Occluder(mesh)
         light = [np.ones((1, *SIZE, 3), np.float32)]
-        decide = lambda switch: decide_interreflection(  # noqa: E731
-            mesh, occluder, light, [0.5 * white], atlas, False, switch, 0.01  # noqa: B023
-        )
+
+        def decide(switch, of=(mesh, occluder, light, atlas)):
+            return decide_interreflection(of[0], of[1], of[2], [0.5 * white], of[3], False, switch, 0.01)
+
         decision = decide("auto")
         assert decision.kept == kept
         assert ("50.00% of the light" in decision.why) == kept

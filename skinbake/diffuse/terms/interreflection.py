@@ -97,9 +97,7 @@ def look_around(
     return SkinView(atlas, *(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def bounced_light(
-    view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1
-) -> list[Image]:
+def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1) -> list[Image]:
     """Irradiance that skin gets from skin, at the small texels, (L, h, w, 3) a tile in the atlas's order.
 
     Parameters

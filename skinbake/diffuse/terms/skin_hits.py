@@ -18,7 +18,9 @@ Index = NDArray[np.int64]
 NOTHING = -1
 
 
-def skin_points(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index) -> tuple[Image, Image]:
+def skin_points(
+    raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index
+) -> tuple[Image, Image]:
     """Points of texels on the surface that rays meet, about the occluder's centre, and unit normals; shapes (n, 3).
 
     Parameters

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin, tiles_of
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
+from skinbake.diffuse.terms.skin_hits import ascend, skin_points
 from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.shadow_origin import facet_point, point_of
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
@@ -78,7 +78,7 @@ def transmit(
     rgb, through, reflected = {}, [], []
     for raster in atlas:
         rows, cols = np.nonzero(raster.addressed)
-        point, normal = _skin(raster, mesh, occluder, rows, cols)
+        point, normal = skin_points(raster, mesh, occluder, rows, cols)
         near = np.flatnonzero(occluder.occluded(*_inwards(occluder, point, normal), _reach(weights, len(rows))))
         face, uv, thickness, opposed = far_side(occluder, mesh, point[near], normal[near])
         across = _gather(diffused, mesh, udim, face, uv, _weights_at(weights, thickness, opposed))
@@ -96,6 +96,7 @@ def transmit(
     return lobe, Decision("transmission", kept, why)
 
 
+<<<<<<< HEAD
 def transmitted_level(texel_mm: float) -> int:
     """How often a texture is halved for transmitted light, from the length of a texel of the full size."""
     return int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0))))
@@ -121,6 +122,8 @@ def _place(first, stop, face_index, barycentric, rows, cols, subdivided, normals
         point[k, 0], point[k, 1], point[k, 2] = point_of(subdivided, face, np.float64(b[0]), np.float64(b[1]))
 
 
+=======
+>>>>>>> 6031548 (Incidence as a factor on irradiance; rays and hits of both terms in one place)
 def _inwards(occluder: Occluder, point: Image, normal: Image) -> tuple[Image, Image]:
     """Rays into the flesh: in by a hundredth of a millimetre and the coordinates' own spacing, off the own facet."""
     inward = np.ascontiguousarray(-normal)
@@ -151,7 +154,7 @@ def far_side(
     start, inward = _inwards(occluder, point, normal)
     child, in_1, in_2, distance = occluder.first_hit(start, inward)
     levels = occluder.subdivided.levels
-    face, b1, b2 = _ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
+    face, b1, b2 = ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
     barycentric = np.stack([1 - b1 - b2, b1, b2], axis=1)
     uv = np.einsum("nk,nki->ni", barycentric, mesh.corner_uv[face])
     there = np.einsum("nk,nki->ni", barycentric, mesh.corner_normal[face])
@@ -159,17 +162,6 @@ def far_side(
     missed = child < 0
     opposed[missed] = 0
     return np.where(missed, -1, face), uv, distance.astype(np.float64), opposed
-
-
-def _ascend(child: NDArray[np.int64], b1: Float, b2: Float, levels: int) -> tuple[NDArray[np.int64], Float, Float]:
-    """Face of the mesh and place in it of a place in a triangle of the smooth surface (inverse of `descend`)."""
-    for _ in range(levels):
-        corner, child = child % 4, child // 4
-        b1, b2 = (
-            np.select([corner == 0, corner == 1, corner == 2], [b1 / 2, (1 + b1) / 2, b1 / 2], (1 - b1) / 2),
-            np.select([corner == 0, corner == 1, corner == 2], [b2 / 2, b2 / 2, (1 + b2) / 2], (1 - b2) / 2),
-        )
-    return child, b1, b2
 
 
 def _without_counted(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> SlabWeights:

@@ -1,0 +1,124 @@
+"""How much more of light counts where it enters at a slant: incidence, as a factor on each channel of irradiance.
+
+A profile is that of a beam along the normal. Of light that enters at a slant more comes back, by R(mu) over the
+reference that the profile's total stands for (theory.md 9.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas.raster import NO_FACE
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.punctual_light import DIRECTIONAL, POINT, emitter, towards
+from skinbake.irradiance.shadow_origin import point_of
+from skinbake.irradiance.surface import TexelSurface
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float, safe_div
+from skinbake.profile.incidence import Incidence
+from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Slant:
+    """Factors on irradiance.
+
+    Attributes
+    ----------
+    factor_rgb : ndarray of shape (n, 3)
+        At cosines of incidence 0, 1/(n-1), ... 1.
+    diffuse_rgb : ndarray of shape (3,)
+        For light from everywhere.
+    """
+
+    factor_rgb: Float
+    diffuse_rgb: Float
+
+
+def slant_of(incidence: Incidence, reference_rgb: Float) -> Slant:
+    """Factors that make a profile of the total `reference_rgb` (3,) reflect what the incidence says."""
+    return Slant(safe_div(incidence.reflectance_rgb, reference_rgb), safe_div(incidence.diffuse_rgb, reference_rgb))
+
+
+def slant_rms(slant: Slant, lights: Sequence[LightSpec]) -> float:
+    """Error of leaving the factors out, relative rms: of lamps over skin that is turned every way, of skies their mean.
+
+    The largest of the lights'.
+    """
+    cosine = np.linspace(0, 1, len(slant.factor_rgb))[:, None]
+    # Irradiance is proportional to the cosine; a ball shows each cosine on an equal area
+    error = np.sqrt((((slant.factor_rgb - 1) * cosine) ** 2).sum(axis=0) / (cosine**2).sum())
+    lamps = float(np.sqrt((error**2).mean()))
+    skies = float(np.sqrt(((slant.diffuse_rgb - 1) ** 2).mean()))
+    found = {skies if isinstance(light, EnvironmentLight) else lamps for light in lights}
+    return max(found, default=0.0)
+
+
+def apply_slant(surface: TexelSurface, occluder: Occluder, light: LightSpec, slant: Slant, out: Image) -> None:
+    """Multiply one light's irradiance by the factors of the slants at which it enters.
+
+    Exact for directional, point and spot lights; of a rectangle the direction of its middle counts, and a sky comes
+    from everywhere.
+
+    Parameters
+    ----------
+    surface : TexelSurface
+    occluder : Occluder
+    light : LightSpec
+    slant : Slant
+    out : ndarray of shape (H, W, 4), changed in place
+    """
+    if isinstance(light, EnvironmentLight):
+        out[..., :3] *= slant.diffuse_rgb.astype(np.float32)
+        return
+    if isinstance(light, RectangleLight):
+        source = np.array([POINT, *(light.position_mm - occluder.centre_mm), 0, 0, 0, -2, -3, 0], np.float64)
+    else:
+        source = emitter(light, occluder.centre_mm)
+    raster = surface.raster
+    parallel_for(
+        _multiply, len(out), source, raster.face_index, raster.barycentric, surface.subdivided, surface.normal,
+        np.ascontiguousarray(slant.factor_rgb), out,
+    )  # fmt: skip
+
+
+@kernel
+def _multiply(first, stop, source, face_index, barycentric, subdivided, normal, factor_rgb, out):  # type: ignore[no-untyped-def]
+    """Multiply irradiance by the factor at each texel's cosine of incidence, linear between the table's nodes.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    source : ndarray of shape (10,)
+        As `emitter` makes it.
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    subdivided : SubdividedMesh
+    normal : ndarray of shape (H, W, 3)
+    factor_rgb : ndarray of shape (n, 3)
+    out : ndarray of shape (H, W, 4)
+    """
+    last = factor_rgb.shape[0] - 1
+    for row in range(first, stop):
+        for col in range(out.shape[1]):
+            face = face_index[row, col]
+            if face == NO_FACE or out[row, col, 0] + out[row, col, 1] + out[row, col, 2] == 0.0:
+                continue
+            px, py, pz = 0.0, 0.0, 0.0
+            if source[0] != DIRECTIONAL:
+                px, py, pz = point_of(
+                    subdivided, face, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+                )
+            lx, ly, lz, _, _ = towards(source, px, py, pz)
+            cosine = normal[row, col, 0] * lx + normal[row, col, 1] * ly + normal[row, col, 2] * lz
+            x = min(max(cosine, 0.0), 1.0) * last
+            i = min(int(x), last - 1)
+            for k in range(3):
+                out[row, col, k] *= factor_rgb[i, k] + (x - i) * (factor_rgb[i + 1, k] - factor_rgb[i, k])

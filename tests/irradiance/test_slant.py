@@ -1,0 +1,75 @@
+"""Factors for light that enters at a slant."""
+
+import numpy as np
+import pytest
+
+from skinbake.atlas import rasterize
+from skinbake.irradiance import light_texels
+from skinbake.irradiance.slant import Slant, slant_of, slant_rms
+from skinbake.profile.incidence import Incidence, reflect_slanted
+from skinbake.profile.layers import Layer
+from skinbake.profile.medium import Medium
+from skinbake.scene.lights import DirectionalLight, EnvironmentLight, PointLight, RectangleLight
+from skinbake.scene.maps import SkinMaps
+from tests.shapes import quad
+
+COSINE = np.linspace(0, 1, 5)
+SLANT = Slant(np.stack([1 + COSINE, 2 - COSINE, 0 * COSINE + 3], axis=1), np.array([0.5, 1.5, 2.5]))
+
+
+def lit(light, slant=None, height=0.0):
+    """Irradiance of a square at the middle texel, with and without the factors."""
+    mesh = quad(20.0, 20.0, height)
+    atlas = rasterize(mesh, (9, 9), 0)
+    return light_texels(atlas, mesh, SkinMaps({}, {}, {}, {}), [light], slant=slant)[0].rgb[0, 4, 4].astype(float)
+
+
+@pytest.mark.parametrize("mu", [1.0, 0.6, 0.1])
+def test_lamps_are_multiplied_by_the_factor_at_their_cosine(mu):
+    """A sun, and a point and a rectangle a long way off in its direction: 1 + mu, 2 - mu and 3 times as much."""
+    away = np.array([np.sqrt(1 - mu * mu), 0.0, mu])
+    sun = DirectionalLight(type="directional", name="s", direction=tuple(-away), irradiance=(1.0, 1.0, 1.0))
+    lamp = PointLight(type="point", name="p", position_mm=tuple(1e5 * away), intensity=(1e10, 1e10, 1e10))
+    panel = RectangleLight(
+        type="rectangle", name="r", position_mm=tuple(1e5 * away), edge_u_mm=(0.0, 50.0, 0.0),
+        edge_v_mm=tuple(50 * np.cross(away, [0.0, 1.0, 0.0]) * -1), radiance=(1e7, 1e7, 1e7),
+    )  # fmt: skip
+    for light in (sun, lamp, panel):
+        plain = lit(light)
+        assert plain.min() > 0
+        np.testing.assert_allclose(lit(light, SLANT) / plain, [1 + mu, 2 - mu, 3], rtol=1e-3)
+
+
+def test_a_sky_has_the_factor_of_light_from_everywhere():
+    """Channel by channel."""
+    sky = EnvironmentLight(type="environment", name="k", radiance=(1.0, 1.0, 1.0))
+    np.testing.assert_allclose(lit(sky, SLANT) / lit(sky), SLANT.diffuse_rgb, rtol=1e-6)
+
+
+def test_a_plane_then_reflects_what_transport_says():
+    """Profile's total times factor is R(mu), whatever total the profile has."""
+    layers = [Layer(Medium(np.array([0.032, 0.17, 0.48]), np.array([0.74, 0.88, 1.01])), np.inf, 1.0)]
+    incidence = reflect_slanted(layers)
+    total = np.array([0.4, 0.2, 0.1])
+    slant = slant_of(incidence, total)
+    np.testing.assert_allclose(slant.factor_rgb * total, incidence.reflectance_rgb)
+    np.testing.assert_allclose(slant.diffuse_rgb * total, incidence.diffuse_rgb)
+    dark = slant_of(incidence, np.array([0.4, 0.0, 0.1]))
+    assert np.isfinite(dark.factor_rgb).all()
+
+
+def test_the_deciding_number_is_the_error_on_a_ball():
+    """Against a Monte Carlo of normals; a constant factor of 1 is worth nothing."""
+    rng = np.random.default_rng(1)
+    cosine = rng.uniform(0, 1, 200_000)
+    off = np.stack([cosine, 1 - cosine, 0 * cosine + 2], axis=1)  # SLANT's factors less 1
+    want = np.sqrt(((off * cosine[:, None]) ** 2).mean(axis=0) / (cosine**2).mean())
+    fine = np.linspace(0, 1, 2001)
+    slant = Slant(np.stack([1 + fine, 2 - fine, 0 * fine + 3], axis=1), np.ones(3))
+    sun = DirectionalLight(type="directional", name="s", direction=(0.0, 0.0, -1.0), irradiance=(1.0, 1.0, 1.0))
+    assert abs(slant_rms(slant, [sun]) - np.sqrt((want**2).mean())) < 0.01
+    sky = EnvironmentLight(type="environment", name="k", radiance=(1.0, 1.0, 1.0))
+    assert slant_rms(slant, [sky]) == 0
+    assert slant_rms(slant, []) == 0
+    same = slant_of(Incidence(COSINE, np.full((5, 3), 0.3), np.full(3, 0.3)), np.full(3, 0.3))
+    assert slant_rms(same, [sun, sky]) < 1e-12
