@@ -82,7 +82,7 @@ def test_maps_are_left_out_in_a_folder_of_their_own(look, capsys):
     [
         (["skin={preset: gpugems3-six-gaussians}"], "gives a profile and no medium"),
         (["skin={preset: donner-three-layer}"], "3 different layers"),
-        (["skin.sigma_sp_per_mm=1e-3", "skin.sigma_a_per_mm=1e-3"], "too clear"),
+        (["skin.sigma_sp_per_mm=0.001", "skin.sigma_a_per_mm=0.001"], "too clear"),
     ],
 )
 def test_what_cannot_be_walked_through_is_refused(look, capsys, overrides, reason):
