@@ -15,17 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import skinbake
-from skinbake import pipeline
-from skinbake.atlas import FIRST_TILE, tile_origin
-from skinbake.bake.baking import bake_look
-from skinbake.diffuse.probes import read_bilinear
+from skinbake.atlas import tile_of_face
+from skinbake.atlas.texel_coordinates import local_uv, texel_xy
+from skinbake.baking.bake_look import bake_look
+from skinbake.diffuse.bilinear import read_bilinear
 from skinbake.errors import ToleranceMissedError
 from skinbake.io.bake_folder import read_bake_folder
-from skinbake.io.fingerprint import code_key, input_hashes, key_of
+from skinbake.io.code_digest import code_digest
+from skinbake.io.digests import key_of
+from skinbake.io.fingerprint import input_hashes
 from skinbake.io.manifest import NAME as MANIFEST
 from skinbake.io.manifest import read_manifest, write_manifest
 from skinbake.io.scene_files import read_scene
 from skinbake.io.truth import read_walks, write_truth, write_walks
+from skinbake.irradiance.decide import decide
 from skinbake.irradiance.oil_albedo import transmitted_share
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
@@ -98,13 +101,14 @@ def measure_truth(
     rays = SurfaceRays(smooth_surface(scene.mesh))
     at = draw_points(scene.mesh, rays, look.lights, points, look.output.seed)
     share = None
-    if pipeline.energy_conservation(look).kept:
+    if decide(look).energy_conservation.enabled:
         oil = look.specular
         share = transmitted_share(np.linspace(0, 1, SHARE_NODES), oil.roughness, oil.f0, oil.strength)
 
     folder = Path(look.output.dir)
     key = key_of(
-        code_key("transport", "irradiance", "profile/photons.py"), input_hashes(look), look.mesh.model_dump(),
+        code_digest("skinbake.transport.light_leaving", "skinbake.transport.points"), input_hashes(look),
+        look.mesh.model_dump(),
         [light.model_dump() for light in look.lights], look.shadows, look.skin.model_dump(), points, walks,
         look.output.seed, None if share is None else share.tolist(),
     )  # fmt: skip
@@ -200,15 +204,13 @@ def light_baked(folder: Path, mesh: SkinMesh, at: TruthPoints) -> Float:
     lights = len(scene.lights)
     weight = np.concatenate([1 - at.barycentric.sum(axis=1, keepdims=True), at.barycentric], axis=1)
     uv = np.einsum("pk,pki->pi", weight, mesh.corner_uv[at.face])
-    middle = np.floor(mesh.corner_uv[at.face].mean(axis=1))
-    several = len(next(iter(scene.lobes)).rgb) > 1
-    number = FIRST_TILE + middle[:, 0] + 10 * middle[:, 1] if several else np.full(len(uv), FIRST_TILE)
     total = np.zeros((len(uv), lights, 3))
+    several = len(next(iter(scene.lobes)).rgb) > 1
     for lobe in scene.lobes:
         for tile, image in lobe.rgb.items():
-            mine = number == (tile if several else FIRST_TILE)
-            u0, v0 = tile_origin(tile)
-            place = np.stack([v0 + 1 - uv[mine, 1], uv[mine, 0] - u0], axis=1)
+            mine = np.flatnonzero(tile_of_face(mesh)[at.face] == tile) if several else np.arange(len(uv))
+            local = local_uv(uv[mine], tile)
+            place = np.stack(texel_xy(local[:, 0], local[:, 1], 1, 1)[::-1], axis=1)
             values = read_bilinear(np.asarray(image, np.float32), place).reshape(-1, lights, 3)
             total[mine] += values * np.asarray(lobe.weight_rgb)
     return total

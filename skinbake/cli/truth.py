@@ -38,7 +38,7 @@ def command(
     Maps are left out on both sides and the skin keeps its medium's colour. Walks that were done are kept: a command
     that was stopped goes on where it was.
     """
-    from skinbake.bake.truth import bare_look, measure_truth
+    from skinbake.baking.truth import bare_look, measure_truth
     from skinbake.cli.progress_bar import counted
     from skinbake.io.config import load_look
     from skinbake.io.truth_plot import write_truth_chart
@@ -62,10 +62,10 @@ def _print(error: dict[str, Any], without: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(soft_wrap=True)
+    console = Console(soft_wrap=True, width=120)
     table = Table(title="distance from light transport, rms % (R, G, B)")
-    for column in ("skin", "points", "rms", "standard error", "bias", *(f"without {term}" for term in without)):
-        table.add_column(column, justify="left" if column == "skin" else "right")
+    for column in ("skin", "points", "rms", "stderr", "bias", *(f"without {term}" for term in without)):
+        table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)
 
     def row(values: list[float]) -> str:
         return " ".join(f"{100 * value:.1f}" for value in values)

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from skinbake.io.atomic import atomic_write
+from skinbake.io.figures import png_figure
 from skinbake.transport.model_error import GroupError
 
 # Grey values differ as well as hues
 COLOURS = ("#b2182b", "#4dac26", "#2166ac")
+DPI = 110
 
 
 def write_truth_chart(
@@ -30,28 +31,19 @@ def write_truth_chart(
     Raises
     ------
     InputError, MachineError
-        As `atomic_write`.
+        The file cannot be written.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(
-        1, 2 if without else 1, figsize=(14 if without else 9, 5), squeeze=False, sharey=True
-    )
-    names = [f"{name}\n{found['points']} points" for name, found in error.items()]
-    _bars(axes[0, 0], names, list(error.values()))
-    axes[0, 0].set_title(title)
-    axes[0, 0].set_ylabel("distance from light transport, rms %")
-    if without:
-        bars = {"as it is": error["all"]} | {f"without\n{term}": found["all"] for term, found in without.items()}
-        _bars(axes[0, 1], list(bars), list(bars.values()))
-        axes[0, 1].set_title("all skin, one term switched off at a time")
-    figure.tight_layout()
-    with atomic_write(path) as temporary:
-        figure.savefig(temporary, dpi=110, metadata={"Software": None})
-    pyplot.close(figure)
+    with png_figure(path, DPI, figsize=(14 if without else 9, 5)) as figure:
+        axes = figure.subplots(1, 2 if without else 1, squeeze=False, sharey=True)
+        names = [f"{name}\n{found['points']} points" for name, found in error.items()]
+        _bars(axes[0, 0], names, list(error.values()))
+        axes[0, 0].set_title(title, parse_math=False)
+        axes[0, 0].set_ylabel("distance from light transport, rms %")
+        if without:
+            bars = {"as it is": error["all"]} | {f"without\n{term}": found["all"] for term, found in without.items()}
+            _bars(axes[0, 1], list(bars), list(bars.values()))
+            axes[0, 1].set_title("all skin, one term switched off at a time")
+        figure.tight_layout()
 
 
 def _bars(axes, names: list[str], errors: list[GroupError]) -> None:  # type: ignore[no-untyped-def]

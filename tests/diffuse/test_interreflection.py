@@ -103,10 +103,10 @@ def test_auto_asks_whether_it_is_worth_it():
             return decide_interreflection(of[0], of[1], of[2], [0.5 * white], of[3], False, switch, 0.01)
 
         decision = decide("auto")
-        assert decision.kept == kept
+        assert decision.enabled == kept
         assert ("50.00% of the light" in decision.why) == kept
-        assert decide("on").kept
-        assert not decide("off").kept
+        assert decide("on").enabled
+        assert not decide("off").enabled
 
 
 def test_bounces_below_one_are_refused():

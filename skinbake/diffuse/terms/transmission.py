@@ -96,34 +96,11 @@ def transmit(
     return lobe, Decision("transmission", kept, why)
 
 
-<<<<<<< HEAD
 def transmitted_level(texel_mm: float) -> int:
     """How often a texture is halved for transmitted light, from the length of a texel of the full size."""
     return int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0))))
 
 
-def _skin(raster: AtlasRaster, mesh: SkinMesh, occluder: Occluder, rows: Index, cols: Index) -> tuple[Image, Image]:
-    """Points of texels on the surface that rays meet, about the occluder's centre, and unit normals; shapes (n, 3)."""
-    point, normal = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
-    parallel_for(
-        _place, len(rows),
-        raster.face_index, raster.barycentric, rows, cols, occluder.subdivided, mesh.corner_normal, point, normal,
-    )  # fmt: skip
-    return point, normal
-
-
-@kernel
-def _place(first, stop, face_index, barycentric, rows, cols, subdivided, normals, point, normal):  # type: ignore[no-untyped-def]
-    for k in range(first, stop):
-        face, b = face_index[rows[k], cols[k]], barycentric[rows[k], cols[k]]
-        x, y, z = facet_point(normals, face, np.float64(b[0]), np.float64(b[1]))
-        length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
-        normal[k, 0], normal[k, 1], normal[k, 2] = x / length, y / length, z / length
-        point[k, 0], point[k, 1], point[k, 2] = point_of(subdivided, face, np.float64(b[0]), np.float64(b[1]))
-
-
-=======
->>>>>>> 6031548 (Incidence as a factor on irradiance; rays and hits of both terms in one place)
 def _inwards(occluder: Occluder, point: Image, normal: Image) -> tuple[Image, Image]:
     """Rays into the flesh: in by a hundredth of a millimetre and the coordinates' own spacing, off the own facet."""
     inward = np.ascontiguousarray(-normal)
