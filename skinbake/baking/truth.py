@@ -199,7 +199,15 @@ def _terms_of(folder: Path) -> list[str]:
 
 
 def light_baked(folder: Path, mesh: SkinMesh, at: TruthPoints) -> Float:
-    """M of a bake at points, read from its files as a GPU reads them, (P, L, 3)."""
+    """M of a bake at points, read from its files as a GPU reads them, (P, L, 3).
+
+    Parameters
+    ----------
+    folder : Path
+        A bake folder.
+    mesh : SkinMesh
+    at : TruthPoints
+    """
     scene = read_bake_folder(folder).scene
     lights = len(scene.lights)
     weight = np.concatenate([1 - at.barycentric.sum(axis=1, keepdims=True), at.barycentric], axis=1)
