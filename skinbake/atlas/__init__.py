@@ -2,6 +2,7 @@
 
 from skinbake.atlas.interpolate import interpolate
 from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, mm_per_texel, uv_jacobian
+from skinbake.atlas.on_charts import on_charts
 from skinbake.atlas.raster import NO_FACE, Atlas, AtlasRaster
 from skinbake.atlas.rasterize import rasterize, signed_uv_area
 from skinbake.atlas.report import UvReport, report_picture, uv_report
@@ -30,6 +31,7 @@ __all__ = [
     "interpolate",
     "local_uv",
     "mm_per_texel",
+    "on_charts",
     "rasterize",
     "report_picture",
     "sample_map",

@@ -81,16 +81,16 @@ class BakeInputs:
             return placed, sorted(item for item in self.digests.items() if item[0].startswith("occluder."))
         if role.startswith("light."):
             light = next(light for light in spec.lights if f"light.{light.name}" == role)
-            return light.model_dump(mode="json", exclude={"path"}), digest
+            return light.model_dump(mode="json", exclude={"path"}), digest, self.digests.get("ocio")
         chosen = getattr(spec.maps, role, None)
         constant = spec.maps.albedo_rgb if role == "albedo" else None
-        return chosen and chosen.model_dump(mode="json", exclude={"path"}), digest, constant
+        return chosen and chosen.model_dump(mode="json", exclude={"path"}), digest, constant, self.digests.get("ocio")
 
     def _read(self) -> SceneData:
         with self._log.measured("read"):
             scene = read_scene(self.spec)
         self._refuse_changed()
-        for note in scene.mesh.notes:
+        for note in (*scene.mesh.notes, *scene.notes):
             self._log.say(f"  {note}")
         return scene
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 PICTURE = "uv_check.png"
 _SMALLEST = 15  # times that a texture is halved, at most
+IMAGES_MIB = 140  # of the maps of the heads that the estimate was fitted to
 
 
 @click.command("check")
@@ -63,6 +64,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
     from skinbake.atlas.look_atlas import look_atlas
     from skinbake.atlas.report import report_picture, uv_report
     from skinbake.diffuse.scatter import refuse_too_large
+    from skinbake.io.image_memory import memory_of_images
     from skinbake.io.mesh import guess_orientation, part_table
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
@@ -81,6 +83,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         for name in ("albedo", "normal", "roughness", "specular")
     }
     orientation = guess_orientation(scene.mesh)
+    images_mib = sum(memory_of_images(spec).values()) / 2**20
     report = {
         "mesh": {
             "path": spec.mesh.path,
@@ -115,15 +118,25 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         ],
         "parts": [asdict(row) for row in part_table(spec)],
         "hidden_parts": [list(pair) for pair in uv.hidden_parts],
-        "notes": [*scene.mesh.notes, *filter(None, [orientation.advice])],
         "maps": sizes,
-        "expected": expected(spec, uv, len(atlas), gaussians.variance_mm2.tolist()),
+        "notes": [*scene.mesh.notes, *filter(None, [orientation.advice]), *scene.notes, *_unpainted(spec)],
+        "expected": expected(spec, uv, len(atlas), gaussians.variance_mm2.tolist(), images_mib),
     }
     tiles = [raster.tile for raster in atlas]
     return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), uv
 
 
-def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[float]) -> dict[str, float]:
+def _unpainted(spec: SceneSpec) -> list[str]:
+    """What is used where there is no albedo."""
+    if spec.maps.albedo is not None:
+        return []
+    colour = ", ".join(f"{value:.2f}" for value in spec.maps.albedo_rgb or ())
+    return [f"maps.albedo: none, the skin is of one colour, albedo_rgb [{colour}]"]
+
+
+def expected(
+    spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[float], images_mib: float = 0.0
+) -> dict[str, float]:
     """Memory, seconds and file sizes of a bake of this look, once its machine code is compiled.
 
     Fitted to bakes of the sample head at 256^2 to 4096^2 and of the Lee Perry-Smith scan at 1024^2 and 2048^2: within a
@@ -167,7 +180,9 @@ def expected(spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[f
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
     return {
         # Lights stored summed are blurred summed
-        "memory_mib": round(600 + megatexels * (235 + (15 if summed else 58) * (lights - 1))),
+        "memory_mib": round(
+            600 + max(0.0, images_mib - IMAGES_MIB) + megatexels * (235 + (15 if summed else 58) * (lights - 1))
+        ),
         "seconds": round(3.5 + lights * (0.2 + 0.1 * len(variance_mm2)) + megatexels * (0.35 + 0.35 * lights), 1),
         "irradiance_mib": round(irradiance, 2),
         "lobes_mib": round(lobes, 2),

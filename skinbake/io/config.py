@@ -46,6 +46,7 @@ def load_look(
     look = parse_look(located)
     if files:
         _refuse_missing(located)
+        _refuse_unknown_color_spaces(located)
     return look
 
 
@@ -102,6 +103,22 @@ def _refuse_missing(located: Located) -> None:
         for key, path in _inputs(located.value)
         if not any(os.path.exists(file) for file in files_named(path))
     ]
+    if faults:
+        raise ConfigError(faults)
+
+
+def _refuse_unknown_color_spaces(located: Located) -> None:
+    """Name the line of a colour space that nobody knows."""
+    faults = []
+    maps, lights = located.value.get("maps") or {}, located.value["lights"]
+    chosen: list[tuple[Key, Any]] = [(("maps", name), of) for name, of in maps.items()]
+    for key, of in [*chosen, *((("lights", i), light) for i, light in enumerate(lights))]:
+        space = of.get("color_space", "auto") if isinstance(of, dict) else "auto"
+        if space not in ("auto", "srgb", "linear"):
+            from skinbake.io.colour import known_color_space
+
+            wrong = known_color_space(space)
+            faults += [located.say((*key, "color_space"), wrong)] if wrong else []
     if faults:
         raise ConfigError(faults)
 

@@ -4,16 +4,18 @@ stale.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from skinbake.errors import InputError
 from skinbake.io.digests import key_of, sha256_of
 from skinbake.io.mesh.files import mesh_files
+from skinbake.io.tile_names import tile_files
 from skinbake.scene.spec import SceneSpec
 
 
 def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
-    """Files a look reads, by role; a map with `<UDIM>` in its name has one file a tile, a .gltf may name others.
+    """Files a look reads, by role; a map whose path names tiles has one file a tile, a .gltf may name others.
 
     Raises
     ------
@@ -21,9 +23,12 @@ def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
         A pattern that no file matches.
     """
     roles: dict[str, str | None] = {"mesh": spec.mesh.path}
-    for role in ("albedo", "normal", "roughness", "specular"):
-        chosen = getattr(spec.maps, role)
-        roles[role] = chosen.path if chosen else None
+    roles |= {role: chosen.path for role, chosen in spec.maps.files().items()}
+    spaces = [chosen.color_space for chosen in spec.maps.files().values()]
+    spaces += [getattr(light, "color_space", "auto") for light in spec.lights]
+    if set(spaces) - {"auto", "srgb", "linear"}:
+        config = os.environ.get("OCIO", "")
+        roles["ocio"] = config if os.path.isfile(config) else None
     for light in spec.lights:
         roles[f"light.{light.name}"] = getattr(light, "path", None)
     roles["skin"] = getattr(spec.skin, "path", None)
@@ -41,10 +46,7 @@ def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
 
 def files_named(path: str) -> list[Path]:
     """The file of a path, there or not; of one with `<UDIM>`, the tiles' files that are there."""
-    if "<UDIM>" not in path:
-        return [Path(path)]
-    pattern = Path(path)
-    return sorted(pattern.parent.glob(pattern.name.replace("<UDIM>", "[0-9][0-9][0-9][0-9]")))
+    return list(tile_files(path).values())
 
 
 def digest_of(paths: tuple[Path, ...]) -> str:

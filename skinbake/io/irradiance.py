@@ -11,6 +11,7 @@ import numpy as np
 
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.io.image import RINGING, read_radiance
 from skinbake.irradiance import IrradianceMap
 from skinbake.scene.decision import Decision
 
@@ -87,6 +88,8 @@ def part_keys(path: Path) -> dict[str, str]:
 def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) -> IrradianceMap:
     """Read our own file, or any EXR with R, G, B: one light called "total" where there are no parts.
 
+    Files of others are read as maps are: colours as the file says, divided by alpha, unpainted texels filled.
+
     Parameters
     ----------
     size : (width, height), optional
@@ -97,6 +100,12 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
     InputError
         No RGB, another size, or a value that is negative or not finite (named by its texel).
     """
+    if not _is_ours(path):
+        rgb = read_radiance(path)
+        if size is None or rgb.shape[1::-1] == tuple(size):
+            one = np.ones(rgb.shape[:2], np.float32)
+            return IrradianceMap(tile, ("total",), rgb[None], one[None], one)
+        raise InputError(f"{path}: expected texture.size {size[0]} x {size[1]}, got {rgb.shape[1]} x {rgb.shape[0]}")
     parts = read_parts(path)
     lights = [name for name, part in parts.items() if name.startswith(LIGHT) and {"R", "G", "B"} <= set(part.channels)]
     total = parts.get(TOTAL) or next(iter(parts.values()))
@@ -107,6 +116,7 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
     height, width = rgb.shape[1:3]
     if size is not None and (width, height) != tuple(size):
         raise InputError(f"{path}: expected texture.size {size[0]} x {size[1]}, got {width} x {height}")
+    rgb = np.where((rgb < 0) & (rgb >= -RINGING * np.nanmax(rgb, initial=0)), np.float32(0), rgb)
     bad = ~(rgb >= 0) | ~np.isfinite(rgb)  # NaN compares false
     if bad.any():
         light, row, column, channel = np.argwhere(bad)[0]
@@ -142,3 +152,10 @@ def _plan(path: Path, part: Part) -> tuple[Decision, ...]:
         return plan_of_text(str(part.attributes["skinbake:plan"]))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise InputError(f"{path}: part {part.name}, skinbake:plan: expected a plan, got: {error}") from error
+
+
+def _is_ours(path: Path) -> bool:
+    headers = read_attributes(path)
+    return TOTAL in headers or any(
+        "skinbake:version" in header or name.startswith(LIGHT) for name, header in headers.items()
+    )

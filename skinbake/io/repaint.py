@@ -6,18 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from skinbake.atlas import FIRST_TILE, rasterize, sample_map
+from skinbake.atlas import FIRST_TILE, rasterize, sample_map, tiles_of
 from skinbake.errors import InputError
+from skinbake.irradiance.fine_normals import add_fine_normals
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
 
 
-def repaint(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps) -> SkinMaps:
-    """The look's maps at the texels of the layout that `texture.unwrap` made; the maps as they are where it made none.
+def painted_mesh(mesh: SkinMesh) -> SkinMesh:
+    """The mesh with the UVs that its maps are painted for; itself where no other layout was made."""
+    return mesh if mesh.map_uv is None else replace(mesh, corner_uv=mesh.map_uv)
 
-    Normals come out in object space, since tangents turn with the layout.
+
+def repaint(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps) -> SkinMaps:
+    """The look's maps as they are used: heights and details in the normals, and all at the texels of the layout.
+
+    Where `texture.unwrap` made a layout, normals come out in object space, since tangents turn with it; where it made
+    none, and there are neither heights nor details, maps stay as they are in the files.
 
     Parameters
     ----------
@@ -31,6 +38,9 @@ def repaint(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps) -> SkinMaps:
     InputError
         The mesh's own UVs lie on more than one tile.
     """
+    painted = painted_mesh(mesh)
+    tiles = tiles_of(painted, spec.texture.udim)
+    maps = add_fine_normals(maps, painted, spec.texture.size, tiles, spec.texture.udim)
     if mesh.map_uv is None or not (maps.albedo or maps.normal or maps.roughness or maps.specular):
         return maps
     if mesh.map_uv.min() < -1e-6 or mesh.map_uv.max() > 1 + 1e-6:
@@ -39,7 +49,6 @@ def repaint(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps) -> SkinMaps:
             f" {mesh.map_uv.min():.3g} to {mesh.map_uv.max():.3g}; leave the maps out, or set texture.unwrap: none"
         )
     (raster,) = rasterize(mesh, spec.texture.size, spec.texture.gutter)
-    painted = replace(mesh, corner_uv=mesh.map_uv)
     fields: dict[str, object] = {}
     for name, constant in (("albedo", maps.albedo_rgb), ("roughness", 0.0), ("specular", 0.0)):
         images = getattr(maps, name)

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 
-from skinbake.atlas import tiles_of
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import on_charts, tiles_of
 from skinbake.errors import InputError
-from skinbake.io.image import read_environments, read_maps
+from skinbake.io.environment import read_environments
+from skinbake.io.image import missing_tiles, read_maps
 from skinbake.io.mesh import read_look_mesh
-from skinbake.io.repaint import repaint
+from skinbake.io.repaint import painted_mesh, repaint
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
 
 
@@ -29,8 +35,20 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
     """
     with ThreadPoolExecutor(1) as pool:  # pictures are decoded while the mesh is parsed
         environments = pool.submit(read_environments, spec.lights)
-        maps = None if spec.texture.udim else pool.submit(read_maps, spec.maps)
-        mesh = read_look_mesh(spec)
+        read: Future[SkinMesh] = Future()
+        maps = None
+        if not spec.texture.udim:
+
+            def charts(tile: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
+                return on_charts(read.result(), tile, shape)
+
+            maps = pool.submit(read_maps, spec.maps, charts=charts)
+        try:
+            mesh = read_look_mesh(spec)
+        except BaseException:
+            read.cancel()
+            raise
+        read.set_result(painted_mesh(mesh))
         try:
             tiles = tiles_of(mesh, spec.texture.udim)
         except InputError as error:
@@ -38,5 +56,6 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
         builder = ThreadPoolExecutor(1)
         building = builder.submit(Occluder, mesh) if rays else None
         builder.shutdown(wait=False)
-        of_tiles = maps.result() if maps else read_maps(spec.maps, tiles)
-        return SceneData(mesh, repaint(spec, mesh, of_tiles), environments.result(), building)
+        of_tiles = maps.result() if maps else read_maps(spec.maps, tiles, partial(on_charts, painted_mesh(mesh)))
+        notes = tuple(missing_tiles(spec.maps, tiles))
+        return SceneData(mesh, repaint(spec, mesh, of_tiles), environments.result(), building, notes)

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import shrink
 from skinbake.atlas.sample import bilinear
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
@@ -15,7 +14,7 @@ from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
 NORMALS = 96  # octahedral table of unshadowed irradiance: 96 x 96 normals, read bilinearly
-SKY = (64, 128)  # to which a map is averaged for that table: the cosine is smooth
+SKY = (64, 128)  # blocks of a map, whose fluxes are summed up for that table
 
 
 def direction_of(u: Float, v: Float, rotate_deg: float = 0.0) -> Float:
@@ -52,43 +51,56 @@ class SkySamples:
         height, width = radiance.shape[:2]
         self._radiance, self._rotate_deg = radiance, rotate_deg
         self._row_edges = np.cos(np.pi * np.arange(height + 1) / height)
-        self._solid = (2 * np.pi / width) * (self._row_edges[:-1] - self._row_edges[1:])[:, None]
-        bright = radiance.mean(axis=2, dtype=np.float64) * self._solid
-        share = np.broadcast_to(self._solid / (4 * np.pi), bright.shape)
-        self._density = 0.9 * bright / bright.sum() + 0.1 * share if bright.sum() > 0 else share
-        self._marginal = np.concatenate([[0], np.cumsum(self._density.sum(axis=1))])
+        self._solid = (2 * np.pi / width) * (self._row_edges[:-1] - self._row_edges[1:])
+        self._bright: Float = np.array([row.mean(axis=1, dtype=np.float64).sum() for row in radiance]) * self._solid
+        total = float(self._bright.sum())
+        self._per_bright: float = 0.9 / total if total > 0 else 0.0
+        self._per_solid: float = (0.1 if total > 0 else 1.0) / (4 * np.pi)
+        rows = self._per_bright * self._bright + self._per_solid * width * self._solid
+        self._marginal = np.concatenate([[0], np.cumsum(rows)])
         self._marginal /= self._marginal[-1]
-        self._conditional = np.concatenate([np.zeros((height, 1)), np.cumsum(self._density, axis=1)], axis=1)
-        self._conditional /= self._conditional[:, -1:]
+
+    def _density(self, row: int) -> Float:
+        """Share of the samples that each texel of a row gets, (w,)."""
+        bright = self._radiance[row].mean(axis=1, dtype=np.float64) * self._solid[row]
+        return self._per_bright * bright + self._per_solid * self._solid[row]
 
     def draw(self, count: int, offset: float = 0.0) -> tuple[Image, Image]:
         """Unit directions (count, 3), and the flux each stands for (count, 3): radiance over density.
 
         `offset`, from 0 to 1, shifts the sequence.
         """
-        height, width = self._density.shape
+        height, width = self._radiance.shape[:2]
         plastic = 1.32471795724474602596
         step = np.arange(count) + 0.5
         x, y = (step / plastic + offset) % 1, (step / plastic**2 + offset) % 1
         row = np.clip(np.searchsorted(self._marginal, x, side="right") - 1, 0, height - 1)
         in_row = (x - self._marginal[row]) / np.maximum(self._marginal[row + 1] - self._marginal[row], 1e-300)
-        conditional = self._conditional
-        col = np.array([np.searchsorted(conditional[r], t, side="right") - 1 for r, t in zip(row, y, strict=True)])
-        col = np.clip(col, 0, width - 1)
-        in_col = (y - conditional[row, col]) / np.maximum(conditional[row, col + 1] - conditional[row, col], 1e-300)
+        # Rows are summed up only where they are drawn from: a large map would take as much memory again
+        col, in_col, density = np.empty(count, np.int64), np.empty(count), np.empty(count)
+        for r in np.unique(row):
+            drawn = np.flatnonzero(row == r)
+            of_row = self._density(r)
+            edges = np.concatenate([[0], np.cumsum(of_row)])
+            edges /= edges[-1]
+            at = np.clip(np.searchsorted(edges, y[drawn], side="right") - 1, 0, width - 1)
+            col[drawn], density[drawn] = at, of_row[at]
+            in_col[drawn] = (y[drawn] - edges[at]) / np.maximum(edges[at + 1] - edges[at], 1e-300)
 
         # Uniform in solid angle inside the texel
         edges = self._row_edges
         cosine = edges[row] + np.clip(in_row, 0, 1) * (edges[row + 1] - edges[row])
         v = 1 - np.arccos(np.clip(cosine, -1, 1)) / np.pi
         directions = direction_of((col + np.clip(in_col, 0, 1)) / width, v, self._rotate_deg)
-        density = self._density[row, col][:, None]
-        stands_for = self._radiance[row, col] * (self._solid[row] / density / count)
+        stands_for = self._radiance[row, col] * (self._solid[row] / density / count)[:, None]
         return directions.astype(np.float32), stands_for.astype(np.float32)
 
 
 def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Float:
     """Unshadowed irradiance of unit normals, shape (n, 3): the integral of the sky times the clamped cosine.
+
+    Texels are summed up in blocks as vectors, flux times direction: what a block above the horizon sends is then exact,
+    wherever in it a sun stands.
 
     Parameters
     ----------
@@ -96,22 +108,24 @@ def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Floa
     rotate_deg : float
     normal : ndarray of shape (n, 3)
     """
-    height, width = min(SKY[0], radiance.shape[0]), min(SKY[1], radiance.shape[1])
-    fine = -(-SKY[0] // height), -(-SKY[1] // width)
-    edges = np.cos(np.pi * np.arange(radiance.shape[0] + 1) / radiance.shape[0])
-    weight = (edges[:-1] - edges[1:]).astype(np.float32)[:, None, None]
-    mean = shrink(radiance * weight, (height, width)) / shrink(weight, (height, 1))
-    sky = np.repeat(np.repeat(mean, fine[0], axis=0), fine[1], axis=1).astype(np.float64)
-
-    h, w = sky.shape[:2]
-    edges = np.cos(np.pi * np.arange(h + 1) / h)
-    polar = np.pi * (np.arange(h) + 0.5) / h
-    u, v = np.meshgrid((np.arange(w) + 0.5) / w, 1 - polar / np.pi)
-    solid = np.broadcast_to(((2 * np.pi / w) * (edges[:-1] - edges[1:]))[:, None], (h, w))
-    towards = direction_of(u, v, rotate_deg).reshape(-1, 3)
+    fine = -(-SKY[0] // radiance.shape[0]), -(-SKY[1] // radiance.shape[1])
+    if max(fine) > 1:
+        radiance = np.repeat(np.repeat(radiance, fine[0], axis=0), fine[1], axis=1)
+    height, width = radiance.shape[:2]
+    polar = np.pi * np.arange(height + 1) / height
+    azimuth = 2 * np.pi * (0.5 - np.arange(width + 1) / width) + math.radians(rotate_deg)
+    # Integrals of the direction over each texel: of s^2 and of y s over its row, of sin, cos and 1 over its column
+    across = np.diff(polar / 2 - np.sin(2 * polar) / 4)
+    up = np.diff(-(np.cos(polar) ** 2) / 2)
+    cols = -np.diff([-np.cos(azimuth), np.sin(azimuth), azimuth], axis=1)
+    rows, columns = (
+        np.round(np.linspace(0, whole, blocks + 1)).astype(np.int64)
+        for whole, blocks in zip((height, width), SKY, strict=True)
+    )
+    flux = np.zeros((SKY[0] * SKY[1], 4, 3))
+    parallel_for(_add_fluxes, SKY[0], radiance, across, up, cols, rows, columns, flux)
     out = np.zeros((len(normal), 3))
-    flux = (sky * solid[..., None]).reshape(-1, 3)
-    parallel_for(_convolve, len(normal), normal, towards, flux, solid.ravel(), out)
+    parallel_for(_convolve, len(normal), np.ascontiguousarray(normal, np.float64), flux, out)
     return out
 
 
@@ -128,31 +142,71 @@ def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
 
 
 @kernel
-def _convolve(first: int, stop: int, normal: Float, towards: Float, flux: Float, solid: Float, out: Float) -> None:
-    """Sum of flux times clamped cosine, scaled so that constant radiance gives exactly pi.
+def _add_fluxes(
+    first: int,
+    stop: int,
+    radiance: Image,
+    across: Float,
+    up: Float,
+    cols: Float,
+    row_edges: NDArray[np.int64],
+    col_edges: NDArray[np.int64],
+    flux: Float,
+) -> None:
+    """Sum over each block of radiance times direction times solid angle: red, green, blue, and of radiance 1.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows of blocks.
+    radiance : ndarray of shape (h, w, 3)
+    across, up : ndarrays of shape (h,)
+        Integrals over each row of sin^2 and of cos sin of the polar angle.
+    cols : ndarray of shape (3, w)
+        Integrals over each column of sin, cos and 1 of the azimuth.
+    row_edges, col_edges : ndarrays of shape (rows + 1,) and (columns + 1,)
+        Texels between which the blocks lie.
+    flux : ndarray of shape (rows * columns, 4, 3)
+        Added to: zeros.
+    """
+    columns = len(col_edges) - 1
+    for i in range(first, stop):
+        for j in range(columns):
+            block = flux[i * columns + j]
+            for row in range(row_edges[i], row_edges[i + 1]):
+                for col in range(col_edges[j], col_edges[j + 1]):
+                    x, y, z = across[row] * cols[0, col], up[row] * cols[2, col], across[row] * cols[1, col]
+                    for k in range(4):
+                        weight = np.float64(radiance[row, col, k]) if k < 3 else 1.0
+                        block[k, 0] += weight * x
+                        block[k, 1] += weight * y
+                        block[k, 2] += weight * z
+
+
+@kernel
+def _convolve(first: int, stop: int, normal: Float, flux: Float, out: Float) -> None:
+    """Sum of what blocks send to each normal, scaled so that constant radiance gives exactly pi.
 
     Parameters
     ----------
     first, stop : int
         Normals.
     normal : ndarray of shape (n, 3)
-    towards : ndarray of shape (m, 3)
-        Unit directions of the sky's texels.
-    flux : ndarray of shape (m, 3)
-        Radiance times solid angle.
-    solid : ndarray of shape (m,)
-        Solid angle, sr.
+    flux : ndarray of shape (blocks, 4, 3)
+        What `_add_fluxes` gives.
     out : ndarray of shape (n, 3)
         Added to: zeros.
     """
     for i in range(first, stop):
-        total = 0.0
-        for j in range(len(towards)):
-            c = normal[i, 0] * towards[j, 0] + normal[i, 1] * towards[j, 1] + normal[i, 2] * towards[j, 2]
-            if c > 0.0:
-                total += c * solid[j]
-                for k in range(3):
-                    out[i, k] += c * flux[j, k]
+        total, x, y, z = 0.0, normal[i, 0], normal[i, 1], normal[i, 2]
+        for j in range(len(flux)):
+            for k in range(4):
+                c = x * flux[j, k, 0] + y * flux[j, k, 1] + z * flux[j, k, 2]
+                if c > 0.0:
+                    if k < 3:
+                        out[i, k] += c
+                    else:
+                        total += c
         for k in range(3):
             out[i, k] *= np.pi / total
 

@@ -16,6 +16,7 @@ from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
+ROWS = 256  # of the map in memory at a time
 
 
 def harmonic_matrix(radiance: Image, rotate_deg: float = 0.0) -> Float:
@@ -31,7 +32,11 @@ def harmonic_matrix(radiance: Image, rotate_deg: float = 0.0) -> Float:
     sin, cos, twice = np.sin(azimuth), np.cos(azimuth), np.sin(2 * azimuth) / 4
     # Of 1, sin, cos, sin^2, cos^2, sin cos, between the edges of the columns
     cols = -np.diff([azimuth, -cos, sin, azimuth / 2 - twice, azimuth / 2 + twice, sin**2 / 2], axis=1)
-    moment = np.einsum("iwc,jw->ijc", np.tensordot(rows, radiance.astype(np.float64), (1, 0)), cols)
+    of_rows = np.zeros((len(rows), width, 3))
+    for start in range(0, height, ROWS):  # rather than all of a large map in double precision
+        strip = slice(start, start + ROWS)
+        of_rows += np.tensordot(rows[:, strip], radiance[strip].astype(np.float64), (1, 0))
+    moment = np.einsum("iwc,jw->ijc", of_rows, cols)
 
     one = moment[0, 0]
     x, y_, z = moment[3, 1], moment[1, 0], moment[3, 2]

@@ -26,12 +26,15 @@ class SceneData:
     environments : mapping of light name to ndarray of shape (h, w, 3), linear radiance
     building : Future of Occluder, optional
         Of the mesh, where somebody has begun to make one.
+    notes : tuple of str
+        What a person should know of the files, though they can be used.
     """
 
     mesh: SkinMesh
     maps: SkinMaps
     environments: Mapping[str, NDArray[np.float32]]
     building: Future[Occluder] | None = None
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def occluder(self) -> Occluder:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from skinbake.scene.strict import LARGEST, NonNegative, Rgb, Strict, Vector
+from skinbake.scene.strict import LARGEST, NonNegative, Positive, Rgb, Strict, Vector
 
 
 def _has_length(vector: Vector) -> Vector:
@@ -79,10 +79,14 @@ class EnvironmentLight(_Light):
     """Equirectangular radiance map, y up, u = 0.5 towards +z and 0.75 towards -x (as seen from inside).
 
     `radiance` gives a constant environment in place of a map. `rotate_deg` turns the map about +y, +z towards +x.
+    `clamp` limits each channel of each texel, before `scale`; `color_space` and `layer` are as those of a map.
     """
 
     type: Literal["environment"]
     path: str | None = None
+    color_space: str = "auto"
+    layer: str | None = None
+    clamp: Positive | None = None
     radiance: Rgb | None = None
     scale: NonNegative = 1.0
     rotate_deg: Annotated[float, Field(ge=-3600, le=3600)] = 0.0

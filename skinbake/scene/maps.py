@@ -11,6 +11,25 @@ Image = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
+class DetailNormals:
+    """Normals of a small patch of skin that is repeated over the texture.
+
+    Attributes
+    ----------
+    normal : ndarray of shape (h, w, 3)
+        As `SkinMaps.normal`, tangent space.
+    repeat : (float, float)
+        How often it fits along u and along v.
+    strength : float
+        Scales its slopes.
+    """
+
+    normal: Image
+    repeat: tuple[float, float]
+    strength: float
+
+
+@dataclass(frozen=True)
 class SkinMaps:
     """Maps by UDIM tile (1001 for a single texture); a missing tile falls back to the constant.
 
@@ -29,6 +48,9 @@ class SkinMaps:
         Scales the tangent-space slope.
     roughness, specular : dict of int to ndarray of shape (h, w)
         Beckmann m (absolute, 0 ... 1) and factor on rho_s.
+    height_mm : dict of int to ndarray of shape (h, w)
+        Outwards; `add_fine_normals` puts what it and `detail` tilt into `normal`.
+    detail : DetailNormals, optional
     """
 
     albedo: dict[int, Image] = field(default_factory=dict)
@@ -38,3 +60,5 @@ class SkinMaps:
     normal_strength: float = 1.0
     roughness: dict[int, Image] = field(default_factory=dict)
     specular: dict[int, Image] = field(default_factory=dict)
+    height_mm: dict[int, Image] = field(default_factory=dict)
+    detail: DetailNormals | None = None

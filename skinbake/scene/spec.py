@@ -64,19 +64,66 @@ class OccluderSpec(MeshFileSpec):
     opacity: str | None = None  # picture whose alpha, or grey, says what stops light
 
 
-class MapSpec(Strict):
-    """One texture map. A bare path in the configuration means `{path: ...}`."""
+def _lower(value: Any) -> Any:
+    return value.lower() if isinstance(value, str) else value
+
+
+class FileMapSpec(Strict):
+    """An image file. A bare path in the configuration means `{path: ...}`.
+
+    `color_space` is auto (what the file says), srgb, linear (Rec.709, or plain data) or a name that OCIO knows;
+    `layer` one of an EXR.
+    """
 
     path: str
-    color_space: Literal["auto", "srgb", "linear"] = "auto"
+    color_space: str = "auto"
+    layer: str | None = None
 
 
-class NormalMapSpec(MapSpec):
-    """Normal map with its two conventions."""
+class MapSpec(FileMapSpec):
+    """One texture map; `channel` is the one it is in, `invert` makes of x 1 - x."""
+
+    channel: Annotated[Literal["r", "g", "b", "a"] | None, BeforeValidator(_lower)] = None
+    invert: bool = False
+
+
+class RoughnessMapSpec(MapSpec):
+    """Beckmann m, or with `kind: ggx` the roughness r that glTF and painters mean, alpha = r^2."""
+
+    kind: Literal["beckmann", "ggx"] = "beckmann"
+
+
+class HeightMapSpec(MapSpec):
+    """Heights of pores and wrinkles outwards, from 0 to `scale_mm`."""
+
+    scale_mm: Annotated[float, Field(gt=-1000, lt=1000)]
+
+
+Encoding = Literal["auto", "unsigned", "signed"]
+Green = Literal["opengl", "directx"]
+
+
+class NormalMapSpec(FileMapSpec):
+    """Normal map with its conventions; `encoding` unsigned holds 0 ... 1 for -1 ... 1."""
 
     space: Literal["tangent", "object"] = "tangent"
-    green: Literal["opengl", "directx"] = "opengl"
+    green: Green = "opengl"
+    encoding: Encoding = "auto"
     strength: NonNegative = 1.0
+
+
+class DetailMapSpec(FileMapSpec):
+    """Tangent-space normals of a patch of skin; `repeat` times over a tile, or so often along u and along v."""
+
+    repeat: tuple[Positive, Positive]
+    green: Green = "opengl"
+    encoding: Encoding = "auto"
+    strength: NonNegative = 1.0
+
+    @field_validator("repeat", mode="before")
+    @classmethod
+    def _both(cls, value: Any) -> Any:
+        return (value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def _path_as_map(value: Any) -> Any:
@@ -86,16 +133,37 @@ def _path_as_map(value: Any) -> Any:
 
 Map = Annotated[MapSpec, BeforeValidator(_path_as_map)]
 NormalMap = Annotated[NormalMapSpec, BeforeValidator(_path_as_map)]
+RoughnessMap = Annotated[RoughnessMapSpec, BeforeValidator(_path_as_map)]
+HeightMap = Annotated[HeightMapSpec, BeforeValidator(_path_as_map)]
+DetailMap = Annotated[DetailMapSpec, BeforeValidator(_path_as_map)]
+SKIN_RGB = (0.57, 0.34, 0.25)  # linear Rec.709, of light skin: sRGB 198 157 137
 
 
 class MapsSpec(Strict):
-    """Maps of the skin. `albedo_rgb` is the constant linear albedo used where there is no albedo map."""
+    """Maps of the skin.
+
+    `albedo_rgb` is the constant linear albedo used where there is no albedo map; a skin colour where it is not given,
+    and white where the colour is that of the scattering medium (`skin.normalise: none`).
+    """
 
     albedo: Map | None = None
-    albedo_rgb: tuple[Fraction, Fraction, Fraction] = (1.0, 1.0, 1.0)
+    albedo_rgb: tuple[Fraction, Fraction, Fraction] | None = None
     normal: NormalMap | None = None
-    roughness: Map | None = None
+    roughness: RoughnessMap | None = None
     specular: Map | None = None
+    height: HeightMap | None = None
+    detail: DetailMap | None = None
+
+    @model_validator(mode="after")
+    def _one_space(self) -> MapsSpec:
+        if self.normal and self.normal.space == "object" and (self.height or self.detail):
+            raise ValueError("expected a normal map in tangent space beside height or detail, got space: object")
+        return self
+
+    def files(self) -> dict[str, FileMapSpec]:
+        """Maps that come from image files, by their key."""
+        found = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: of for name, of in found.items() if isinstance(of, FileMapSpec)}
 
 
 Size = Annotated[int, Field(ge=1, le=32768)]
@@ -232,6 +300,14 @@ class SceneSpec(Strict):
     terms: TermsSpec = TermsSpec()
     output: OutputSpec
     preview: PreviewSpec = PreviewSpec()
+
+    @model_validator(mode="after")
+    def _albedo(self) -> SceneSpec:
+        """Decide the albedo of skin without a map, once for all who ask."""
+        if self.maps.albedo_rgb is None:
+            colour = SKIN_RGB if self.skin.normalise == "white" else (1.0, 1.0, 1.0)
+            object.__setattr__(self, "maps", self.maps.model_copy(update={"albedo_rgb": colour}))
+        return self
 
     @field_validator("lights")
     @classmethod

@@ -11,7 +11,8 @@ from skinbake.cli import run
 from skinbake.cli.measuring import in_child, own_peak_mib
 from skinbake.io.mesh import write_obj
 from tests.conftest import ROOT
-from tests.shapes import quad, sphere
+from tests.images import flat_png, save
+from tests.shapes import joined, quad, sphere
 
 LOOK = """
 mesh: {{path: {mesh}, unit: mm}}
@@ -48,18 +49,38 @@ def test_the_report_of_a_quad_is_what_geometry_says(tmp_path, capsys):
 
 
 def test_the_text_names_all_of_it(tmp_path, capsys):
-    """Without --json: a line for mesh, texture, texels, charts, lobes and cost."""
-    assert run(["check", look(tmp_path, sphere(100.0, "cube", 16))]) == 0
-    out = capsys.readouterr().out
-    assert [line.split()[0] for line in out.splitlines()] == [
-        "mesh",
-        "box",
-        "texture",
-        "texel",
-        "charts",
-        "lobes",
-        "expected",
-    ]
+    """Without --json: a line for mesh, texture, texels, charts, lobes, the albedo that is not there, and cost."""
+    path = look(tmp_path, sphere(100.0, "cube", 16))
+    assert run(["check", path]) == 0
+    out = capsys.readouterr().out.splitlines()
+    told = [line.split()[0] for line in out]
+    assert told == ["mesh", "box", "texture", "texel", "charts", "lobes", "note", "expected"]
+    assert "maps.albedo: none, the skin is of one colour, albedo_rgb [0.57, 0.34, 0.25]" in out[-2]
+    assert run(["check", path, "--set", "skin.normalise=none"]) == 0
+    assert "albedo_rgb [1.00, 1.00, 1.00]" in capsys.readouterr().out
+
+
+def test_tiles_without_a_map_are_named(tmp_path, capsys):
+    """By `check` and by `bake`: which file is not there, and what is used instead."""
+    save(tmp_path / "skin.1001.png", np.full((4, 4, 3), 128, np.uint8))
+    path = look(tmp_path, joined(quad(100, 100), quad(100, 100, 30, uv_box=(1.01, 0.01, 1.99, 0.99))))
+    more = ["--set", "texture.udim=true", "--set", f"maps.albedo={tmp_path}/skin.<UDIM>.png"]
+    said = "maps.albedo: no skin.1002.png: maps.albedo_rgb is used there"
+    assert run(["check", path, *more]) == 0
+    assert f"note      {said}" in capsys.readouterr().out
+    assert run(["irradiance", path, *more, "--set", "texture.size=16"]) == 0
+    assert said in capsys.readouterr().err
+
+
+def test_maps_count_in_the_memory(tmp_path, capsys):
+    """A map of 8192 x 8192 grey texels, five bytes each while it is read."""
+    path = look(tmp_path, quad(240.0, 120.0))
+    flat_png(tmp_path / "r.png", 8192, 8192)
+    needed = []
+    for more in ([], ["--set", f"maps.roughness={tmp_path}/r.png"]):
+        assert run(["check", path, "--json", *more]) == 0
+        needed.append(json.loads(capsys.readouterr().out)["expected"]["memory_mib"])
+    assert needed[1] - needed[0] == pytest.approx(8192**2 * 5 / 2**20 - 140, abs=1)
 
 
 def test_a_texture_that_no_machine_holds_is_refused_before_it_is_rasterised(tmp_path, capsys, monkeypatch):
@@ -80,7 +101,6 @@ def test_memory_beyond_the_machine_s_is_marked(tmp_path, capsys, monkeypatch, mi
 def test_overlaps_spoil_a_bake_and_are_pictured(tmp_path, capsys):
     """Two charts on one place: exit 2, both counted, red in the picture."""
     from skinbake.io.image import read_map
-    from tests.shapes import joined
 
     stacked = joined(quad(240, 200, uv_box=(0, 0, 0.5, 1)), quad(240, 200, 30, uv_box=(0.25, 0, 0.75, 1)))
     path = look(tmp_path, stacked)
@@ -124,8 +144,6 @@ def test_what_would_spoil_a_bake_is_refused(tmp_path, capsys, spoil, message):
 
 def test_charts_that_touch_by_a_texel_do_not_spoil(tmp_path, capsys):
     """Two big quads that overlap by a texel are counted whole but hide little, and are baked."""
-    from tests.shapes import joined
-
     touching = joined(quad(120, 200, uv_box=(0, 0, 0.505, 1)), quad(120, 200, 30, uv_box=(0.495, 0, 1, 1)))
     path, wide = look(tmp_path, touching), ["--set", "texture.size=[300, 64]"]
     assert run(["check", path, "--json", *wide]) == 0
@@ -160,8 +178,6 @@ def test_real_heads_are_not_refused(head, size):
 
 def test_flipped_triangles_are_only_reported(tmp_path, capsys):
     """A mirrored chart is counted but does not spoil the bake."""
-    from tests.shapes import joined
-
     right = quad(120, 200, uv_box=(0, 0, 0.6, 1))
     left = quad(100, 200, 40, uv_box=(0.7, 0, 1, 1))
     uv = left.corner_uv.copy()

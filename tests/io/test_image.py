@@ -6,35 +6,18 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from skinbake.atlas import on_charts
 from skinbake.errors import InputError
-from skinbake.io.image import read_environments, read_map, read_maps, srgb_to_linear
-from skinbake.scene.lights import EnvironmentLight
+from skinbake.io.colour import srgb_to_linear
+from skinbake.io.image import ggx_as_beckmann, missing_tiles, read_map, read_maps, read_radiance
 from skinbake.scene.spec import MapsSpec
-
-
-def save(path, pixels, kind=oiio.UINT8, **attributes):
-    pixels = np.asarray(pixels)
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
-    for name, value in attributes.items():
-        spec.attribute(name.replace("__", ":"), value)
-    out = oiio.ImageOutput.create(str(path))
-    assert out.open(str(path), spec)
-    assert out.write_image(np.ascontiguousarray(pixels))
-    out.close()
-    return path
-
+from tests.images import ACES_AP1, P3_D65, icc_profile, save
+from tests.shapes import quad
 
 RNG = np.random.default_rng(7)
 EIGHT = RNG.integers(0, 256, (13, 29, 3), dtype=np.uint8)
 SIXTEEN = RNG.integers(0, 65536, (13, 29, 3), dtype=np.uint16)
 FLOAT = RNG.random((13, 29, 3), dtype=np.float32)
-
-
-def test_srgb_matches_its_definition():
-    """The curve's two branches meet, 0 and 1 stay, 0.5 is 0.21404 (IEC 61966-2-1)."""
-    np.testing.assert_allclose(srgb_to_linear(np.array([0, 0.5, 1.0])), [0, 0.21404114, 1], atol=1e-7)
-    low, high = srgb_to_linear(np.array([0.04045 - 1e-9, 0.04045 + 1e-9]))
-    assert abs(low - high) < 1e-6
 
 
 @pytest.mark.parametrize("suffix", ["png", "tif"])
@@ -67,14 +50,105 @@ def test_jpeg_and_tx(tmp_path):
 
 
 def test_channels(tmp_path):
-    """Grey becomes three equal channels, three average to one, alpha is dropped and not multiplied in."""
+    """Grey becomes three equal channels, three that agree their mean, alpha is dropped and not multiplied in."""
     grey = save(tmp_path / "grey.png", EIGHT[..., :1])
     assert read_map(grey, 3, "linear").shape == (13, 29, 3)
-    colour = save(tmp_path / "colour.png", EIGHT)
-    np.testing.assert_allclose(read_map(colour, 1, "linear")[..., 0], (EIGHT / 255).mean(axis=2), atol=1e-6)
+    noisy = EIGHT[..., :1].clip(2) + np.array([0, 1, -2], np.int8)  # as JPEG leaves a grey picture
+    path = save(tmp_path / "noisy.png", noisy.clip(0, 255).astype(np.uint8))
+    np.testing.assert_allclose(read_map(path, 1, "linear"), EIGHT[..., :1] / 255, atol=2 / 255)
     rgba = np.dstack([EIGHT, np.full((13, 29), 0, np.uint8)])
-    clear = save(tmp_path / "rgba.png", rgba, oiio__UnassociatedAlpha=1)
+    clear = save(tmp_path / "rgba.png", rgba, channels="RGBA", alpha=3, oiio__UnassociatedAlpha=1)
     np.testing.assert_allclose(read_map(clear, 3, "linear"), EIGHT / 255, atol=1e-7)
+
+
+def test_colours_are_no_single_channel(tmp_path):
+    """A packed map is refused where one channel is wanted, by the texel where its channels are furthest apart."""
+    packed = np.full((4, 5, 3), [255, 77, 0], np.uint8)
+    packed[0] = 77
+    path = str(save(tmp_path / "orm.png", packed))
+    for name in ("roughness", "specular"):
+        with pytest.raises(InputError, match=r"orm\.png: expected one channel, .* got 1, 0\.302, 0 at column 0, row 1"):
+            read_maps(MapsSpec.model_validate({name: path}))
+    with pytest.raises(InputError, match=r"orm\.png: expected one channel"):
+        read_maps(MapsSpec.model_validate({"height": {"path": path, "scale_mm": 1}}))
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        ({"channel": "r"}, 1.0),
+        ({"channel": "G"}, 77 / 255),
+        ({"channel": "b"}, 0.0),
+        ({"channel": "a"}, 51 / 255),
+        ({"channel": "g", "invert": True}, 1 - 77 / 255),
+        ({"channel": "g", "kind": "ggx"}, (77 / 255) ** 2),
+        ({"channel": "a", "invert": True, "kind": "ggx"}, 0.8**2),
+        ({"channel": "g", "color_space": "srgb"}, float(srgb_to_linear(np.array(77 / 255)))),
+    ],
+)
+def test_one_channel_of_a_packed_map(tmp_path, keys, value):
+    """As stored, whatever alpha means elsewhere; inverted; a GGX roughness r as Beckmann's m = r^2."""
+    packed = np.full((4, 5, 4), [255, 77, 0, 51], np.uint8)
+    path = str(save(tmp_path / "orm.png", packed, channels="RGBA", alpha=3, oiio__UnassociatedAlpha=1))
+    maps = read_maps(MapsSpec.model_validate({"roughness": {"path": path, **keys}}))
+    np.testing.assert_allclose(maps.roughness[1001], np.full((4, 5), value), atol=1e-6)
+
+
+def test_ggx_as_beckmann_keeps_the_height_of_the_highlight():
+    """D(0) of GGX with alpha = r^2, 1 / (pi alpha^2), is that of Beckmann with the m that comes back."""
+    r = np.linspace(0.05, 1, 20, dtype=np.float32)
+    np.testing.assert_allclose(1 / (np.pi * ggx_as_beckmann(r) ** 2), 1 / (np.pi * r.astype(float) ** 4), rtol=1e-5)
+
+
+@pytest.mark.parametrize("key", ["albedo", "normal", "roughness", "specular"])
+def test_texels_of_alpha_0_are_filled_from_painted_ones(tmp_path, key):
+    """Black ones about a patch of one colour: the patch's colour everywhere, so that no filter finds another."""
+    pixels = np.zeros((21, 30, 4), np.uint8)
+    pixels[5:12, 9:20] = [128, 128, 230, 255] if key == "normal" else [200, 200, 200, 255]
+    path = str(save(tmp_path / "map.png", pixels, channels="RGBA", alpha=3, oiio__UnassociatedAlpha=1))
+    image = getattr(read_maps(MapsSpec.model_validate({key: path})), key)[1001]
+    np.testing.assert_allclose(image, np.broadcast_to(image[8, 12], image.shape), atol=1e-6)
+
+
+def test_painted_texels_stay_as_they_are(tmp_path):
+    """Beside filled ones, to the last bit; the fill lies within the painted range."""
+    alpha = (RNG.random((13, 29, 1)) > 0.4).astype(np.uint8) * 255
+    path = save(tmp_path / "a.png", np.dstack([EIGHT, alpha]), channels="RGBA", alpha=3, oiio__UnassociatedAlpha=1)
+    found = read_maps(MapsSpec(albedo=str(path))).albedo[1001]
+    painted = alpha[..., 0] > 0
+    plain = read_map(save(tmp_path / "b.png", EIGHT), 3)
+    np.testing.assert_array_equal(found[painted], plain[painted])
+    assert found[~painted].min() >= plain[painted].min()
+    assert found[~painted].max() <= plain[painted].max() + 1e-6
+
+
+@pytest.mark.parametrize("key", ["albedo", "normal", "roughness"])
+def test_black_beside_the_charts_is_unpainted(tmp_path, key):
+    """Without alpha: black off the charts is filled, black on them is paint, and so is any other colour beside them."""
+    mesh = quad(uv_box=(0.25, 0.25, 0.75, 0.75))
+    pixels = np.zeros((20, 20, 3), np.uint8)
+    pixels[5:15, 5:15] = [128, 128, 230] if key == "normal" else 200
+    pixels[7, 7] = 0  # on the chart
+    pixels[0, 0] = 255  # beside it
+    path = str(save(tmp_path / "map.png", pixels))
+    spec = MapsSpec.model_validate({key: path})
+    filled = getattr(read_maps(spec, charts=lambda tile, shape: on_charts(mesh, tile, shape)), key)[1001]
+    alone = getattr(read_maps(spec), key)[1001]
+    on = on_charts(mesh, 1001, (20, 20))
+    np.testing.assert_array_equal(filled[on], alone[on])
+    np.testing.assert_array_equal(filled[0, 0], alone[0, 0])
+    np.testing.assert_allclose(filled[4, 5:15], alone[5, 5:15], atol=0.05)
+    np.testing.assert_allclose(filled[16:, 12:], np.broadcast_to(alone[10, 10], filled[16:, 12:].shape), atol=0.05)
+
+
+def test_colours_beyond_rec709_are_brought_to_its_edge(tmp_path):
+    """P3's red as albedo: its luminance is within range, no channel leaves it; an AP1 grey of 1.5 is too bright."""
+    red = np.full((4, 4, 3), [255, 0, 0], np.uint8)
+    path = save(tmp_path / "p3.png", red, ICCProfile=icc_profile(P3_D65))
+    np.testing.assert_array_equal(read_maps(MapsSpec(albedo=str(path))).albedo[1001][0, 0], [1, 0, 0])
+    bright = save(tmp_path / "ap1.exr", np.full((4, 4, 3), 1.5, np.float32), oiio.FLOAT, chromaticities=ACES_AP1)
+    with pytest.raises(InputError, match=r"ap1\.exr: expected values from 0 to 1, got 1\.5"):
+        read_maps(MapsSpec(albedo=str(bright)))
 
 
 @pytest.mark.parametrize("green", ["opengl", "directx"])
@@ -88,11 +162,73 @@ def test_normals_are_unfolded_and_green_points_up(tmp_path, green):
     np.testing.assert_allclose(maps.normal[1001], expected, atol=1e-6)
 
 
-def test_signed_normals_are_taken_as_they_are(tmp_path):
-    """A float map with negative values is a normal already."""
-    save(tmp_path / "n.exr", 2 * FLOAT - 1, oiio.FLOAT)
-    maps = read_maps(MapsSpec(normal={"path": str(tmp_path / "n.exr")}))
-    np.testing.assert_allclose(maps.normal[1001], 2 * FLOAT - 1)
+def directions(count, spread):
+    """Unit normals about z, (1, count, 3)."""
+    slope = np.random.default_rng(3).normal(0, spread, (1, count, 2))
+    return np.concatenate([slope, np.ones((1, count, 1))], axis=2) / np.hypot(1, np.hypot(*slope.T)).T[..., None]
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.02, 0.5])
+@pytest.mark.parametrize("stored", ["signed", "unsigned"])
+@pytest.mark.parametrize("encoding", ["auto", None])
+def test_floats_say_by_their_lengths_how_they_are_stored(tmp_path, stored, spread, encoding):
+    """All of them together, never a single texel: one that rings below 0 changes nothing."""
+    exact = directions(500, spread)
+    values = exact if stored == "signed" else (exact + 1) / 2
+    values = values.astype(np.float32)
+    values[0, 7] = -0.02 if stored == "unsigned" else values[0, 7]
+    save(tmp_path / "n.exr", values, oiio.FLOAT)
+    maps = read_maps(MapsSpec(normal={"path": str(tmp_path / "n.exr"), "encoding": encoding or stored}))
+    others = np.arange(500) != 7
+    np.testing.assert_allclose(maps.normal[1001][0, others], exact[0, others], atol=1e-6)
+
+
+@pytest.mark.parametrize("case", ["rg exr", "rg exr signed", "blue 0", "blue 0 exr", "xy exr"])
+def test_two_channels_are_normals_whose_z_is_rebuilt(tmp_path, case):
+    """(.6, 0, .8), from two channels or from three of which blue is 0."""
+    exact = directions(400, 0.4)
+    stored = exact[..., :2] if "signed" in case else (exact[..., :2] + 1) / 2
+    path, encoding = tmp_path / "n.exr", "signed" if "signed" in case else "unsigned"
+    if case == "blue 0":
+        path, encoding = (
+            save(tmp_path / "n.png", np.rint(255 * np.dstack([stored, 0 * stored[..., :1]])).astype(np.uint8)),
+            "auto",
+        )
+    elif case == "blue 0 exr":
+        save(path, np.dstack([stored, 0 * stored[..., :1]]).astype(np.float32), oiio.FLOAT)
+    else:
+        save(path, stored.astype(np.float32), oiio.FLOAT, "XY" if "xy" in case else "RG")
+    maps = read_maps(MapsSpec(normal={"path": str(path), "encoding": encoding}))
+    np.testing.assert_allclose(maps.normal[1001], exact, atol=0.012 if case == "blue 0" else 1e-5)
+    if encoding == "signed":
+        assert read_maps(MapsSpec(normal=str(path))).normal[1001] == pytest.approx(exact, abs=1e-5)
+    elif path.suffix == ".exr":
+        with pytest.raises(InputError, match="say encoding: unsigned or signed"):
+            read_maps(MapsSpec(normal=str(path)))
+
+
+def test_floats_that_are_no_normals_are_not_guessed(tmp_path):
+    """Lengths far from 1 either way; one channel is no normal."""
+    save(tmp_path / "n.exr", FLOAT, oiio.FLOAT)
+    with pytest.raises(InputError, match="say encoding: unsigned or signed"):
+        read_maps(MapsSpec(normal=str(tmp_path / "n.exr")))
+    save(tmp_path / "h.png", EIGHT[..., :1])
+    with pytest.raises(InputError, match=r"expected normals in two or three channels, got one; maps\.height"):
+        read_maps(MapsSpec(normal=str(tmp_path / "h.png")))
+
+
+def test_heights_and_details(tmp_path):
+    """Heights in millimetres, inverted where asked, floats of any range; a detail is read as normals are."""
+    save(tmp_path / "h.png", EIGHT[..., :1])
+    save(tmp_path / "h.exr", 5 * FLOAT[..., :1] - 2, oiio.FLOAT)
+    height = {"path": str(tmp_path / "h.png"), "scale_mm": 0.5, "invert": True}
+    detail = {"path": str(save(tmp_path / "d.png", EIGHT)), "repeat": 12, "strength": 0.3, "green": "directx"}
+    maps = read_maps(MapsSpec.model_validate({"height": height, "detail": detail}))
+    np.testing.assert_allclose(maps.height_mm[1001], 0.5 * (1 - EIGHT[..., 0] / 255), atol=1e-6)
+    assert (maps.detail.repeat, maps.detail.strength) == ((12, 12), 0.3)
+    np.testing.assert_allclose(maps.detail.normal, (2 * (EIGHT / 255) - 1) * [1, -1, 1], atol=1e-6)
+    maps = read_maps(MapsSpec.model_validate({"height": {"path": str(tmp_path / "h.exr"), "scale_mm": 2}}))
+    np.testing.assert_allclose(maps.height_mm[1001], 2 * (5 * FLOAT[..., 0] - 2), atol=1e-5)
 
 
 def test_udim_sets(tmp_path):
@@ -102,9 +238,11 @@ def test_udim_sets(tmp_path):
     spec = MapsSpec(albedo=str(tmp_path / "skin.<UDIM>.png"))
     maps = read_maps(spec, (1001, 1002, 1003))
     assert sorted(maps.albedo) == [1001, 1003]
+    assert missing_tiles(spec, (1001, 1002, 1003)) == ["maps.albedo: no skin.1002.png: maps.albedo_rgb is used there"]
+    assert missing_tiles(spec, (1001, 1003)) == []
     with pytest.raises(InputError, match="no such file for any of the tiles"):
         read_maps(spec, (1011,))
-    with pytest.raises(InputError, match="expected <UDIM> in the path"):
+    with pytest.raises(InputError, match=r"expected <UDIM>, .* in the path"):
         read_maps(MapsSpec(albedo=str(tmp_path / "skin.1001.png")), (1001, 1002))
 
 
@@ -139,18 +277,20 @@ def test_values_out_of_range_are_named_and_ringing_is_not(tmp_path):
         read_maps(MapsSpec(albedo=str(tmp_path / "a.exr")))
 
 
-def test_an_environment_keeps_its_range(tmp_path):
-    """Radiance above 1 is kept, below 0 refused."""
-    sky = FLOAT * 5000
-    save(tmp_path / "sky.exr", sky, oiio.FLOAT)
-    light = EnvironmentLight(name="sky", type="environment", path=str(tmp_path / "sky.exr"))
-    constant = EnvironmentLight(name="flat", type="environment", radiance=(1, 1, 1))
-    found = read_environments([light, constant])
-    assert list(found) == ["sky"]
-    np.testing.assert_array_equal(found["sky"], sky)
-    save(tmp_path / "sky.exr", sky - 100, oiio.FLOAT)
-    with pytest.raises(InputError, match="values >= 0"):
-        read_environments([light])
+def test_light_of_others_is_read_as_maps_are(tmp_path):
+    """Divided by alpha, clear texels filled, ringing clamped, colours converted; brightness as it is."""
+    light = np.full((6, 6, 4), [30, 20, 10, 1], np.float32)
+    light[2, 2] = [-1e-4, 20, 10, 1]
+    light[3, 3] = [15, 10, 5, 0.5]
+    light[4, 4] = 0
+    found = read_radiance(save(tmp_path / "light.exr", light, oiio.FLOAT, "RGBA", 3))
+    expected = np.broadcast_to(np.float32([30, 20, 10]), (6, 6, 3)).copy()
+    expected[2, 2, 0] = 0
+    np.testing.assert_allclose(np.delete(found.reshape(36, 3), 28, 0), np.delete(expected.reshape(36, 3), 28, 0))
+    assert found[4, 4, 2] == pytest.approx(10)
+    light[2, 2, 0] = -3
+    with pytest.raises(InputError, match="expected values >= 0, got -3 at column 2, row 2"):
+        read_radiance(save(tmp_path / "light.exr", light, oiio.FLOAT, "RGBA", 3))
 
 
 @pytest.mark.parametrize("case", ["missing", "folder", "text", "cut png", "cut exr", "empty", "window"])

@@ -1,0 +1,125 @@
+"""What lies in an image file: layers, channels, alpha, size; everything that is not there is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from skinbake.errors import InputError
+from skinbake.io.exr import Part, write_parts
+from skinbake.io.image_file import read_header, read_stored
+from tests.images import flat_png, icc_profile, save, ultra_hdr
+
+RNG = np.random.default_rng(7)
+FLOAT = RNG.random((5, 7, 8), dtype=np.float32) + 0.1
+ALPHA = np.array([0, 0.25, 0.5, 1, 1, 0.75, 2], np.float32)[None, :, None].repeat(5, axis=0)
+NAMES = ("R", "G", "B", "A", "spec.R", "spec.G", "spec.B", "Z")
+
+
+@pytest.mark.parametrize("suffix", ["exr", "tif"])
+def test_associated_alpha_is_divided_out(tmp_path, suffix):
+    """.3 / .5 is .6; where alpha is 0 or 1 nothing changes."""
+    colours = np.concatenate([FLOAT[..., :3] * ALPHA, ALPHA], axis=2)
+    found = read_stored(save(tmp_path / f"map.{suffix}", colours, oiio.FLOAT, "RGBA", 3))
+    np.testing.assert_allclose(found.pixels[:, 1:], FLOAT[:, 1:, :3], rtol=1e-6)
+    np.testing.assert_array_equal(found.pixels[:, 0], 0)
+    np.testing.assert_array_equal(found.alpha, ALPHA[..., 0])
+
+
+def test_eight_bit_associated_alpha(tmp_path):
+    """TIFF's ExtraSamples 1: divided as stored, to half a level over alpha."""
+    pixels = np.array([[[100, 50, 25, 128], [255, 255, 255, 255]]], np.uint8)
+    found = read_stored(save(tmp_path / "map.tif", pixels, oiio.UINT8, "RGBA", 3))
+    np.testing.assert_array_equal(found.pixels, [[[199, 100, 50], [255, 255, 255]]])
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif", "tga"])
+def test_unassociated_alpha_is_left_alone(tmp_path, suffix):
+    """PNG always, TIFF and TGA where they say so."""
+    pixels = np.array([[[100, 50, 25, 128], [9, 8, 7, 0]]], np.uint8)
+    path = save(tmp_path / f"map.{suffix}", pixels, oiio.UINT8, "RGBA", 3, oiio__UnassociatedAlpha=1)
+    found = read_stored(path)
+    np.testing.assert_array_equal(found.pixels, pixels[..., :3])
+    np.testing.assert_allclose(found.alpha, [[128 / 255, 0]], atol=1e-6)
+
+
+def test_coverage_in_our_own_files_is_no_alpha(tmp_path):
+    """Their colours are not multiplied by it."""
+    planes = {c: FLOAT[..., i] for i, c in enumerate("RGBA")}
+    write_parts(tmp_path / "ours.exr", [Part("irradiance", planes)], {"skinbake:version": "0"}, "float")
+    np.testing.assert_array_equal(read_stored(tmp_path / "ours.exr").pixels, FLOAT[..., :3])
+
+
+def test_channels_by_name(tmp_path):
+    """Each of r, g, b, a as it is stored, alpha not divided out of it; grey is its own red."""
+    path = save(tmp_path / "packed.exr", FLOAT[..., :4], oiio.FLOAT, "RGBA", 3)
+    for i, channel in enumerate("rgba"):
+        found = read_stored(path, channel=channel)
+        np.testing.assert_array_equal(found.pixels[..., 0], FLOAT[..., i])
+        assert found.alpha is None
+    grey = save(tmp_path / "grey.png", np.full((3, 4, 1), 7, np.uint8))
+    assert read_stored(grey, channel="r").pixels[0, 0] == [7]
+    with pytest.raises(InputError, match=r"grey\.png: expected a channel G, the file has Y"):
+        read_stored(grey, channel="g")
+
+
+def test_channels_of_any_order_and_vectors(tmp_path):
+    """An EXR's channels have names, not places; X, Y, Z are vectors, R and G two of them."""
+    shuffled = save(tmp_path / "a.exr", FLOAT[..., :3], oiio.FLOAT, ("G", "B", "R"))
+    np.testing.assert_array_equal(read_stored(shuffled).pixels, FLOAT[..., [2, 0, 1]])
+    vectors = save(tmp_path / "n.exr", FLOAT[..., :3], oiio.FLOAT, ("X", "Y", "Z"))
+    np.testing.assert_array_equal(read_stored(vectors).pixels, FLOAT[..., :3])
+    two = save(tmp_path / "rg.exr", FLOAT[..., :2], oiio.FLOAT, ("R", "G"))
+    assert read_stored(two).pixels.shape == (5, 7, 2)
+
+
+def test_layers_of_one_part(tmp_path):
+    """By the names before the dot, the end of them is enough; without a name, the plain channels."""
+    path = save(tmp_path / "layers.exr", FLOAT, oiio.FLOAT, NAMES, 3)
+    np.testing.assert_array_equal(read_stored(path, layer="spec").pixels, FLOAT[..., 4:7])
+    assert read_stored(path).alpha is not None
+    blender = save(tmp_path / "b.exr", FLOAT[..., :3], oiio.FLOAT, [f"View.Combined.{c}" for c in "RGB"])
+    for layer in ("Combined", "View.Combined", None):
+        np.testing.assert_array_equal(read_stored(blender, layer).pixels, FLOAT[..., :3])
+    with pytest.raises(InputError, match=r"expected a layer 'diffuse', the file has spec"):
+        read_stored(path, layer="diffuse")
+
+
+def test_layers_of_several_parts(tmp_path):
+    """By the name of the part."""
+    parts = [
+        Part("depth", {"Z": FLOAT[..., 0]}),
+        Part("beauty", {c: FLOAT[..., i] for i, c in enumerate("RGB")}),
+    ]
+    write_parts(tmp_path / "parts.exr", parts, precision="float")
+    np.testing.assert_array_equal(read_stored(tmp_path / "parts.exr", layer="beauty").pixels, FLOAT[..., :3])
+    with pytest.raises(InputError, match=r"the file has depth\.Z, beauty\.R, beauty\.G, beauty\.B; `layer:` chooses"):
+        read_stored(tmp_path / "parts.exr")
+
+
+def test_a_file_without_colours_lists_what_it_has(tmp_path):
+    """Two odd channels."""
+    path = save(tmp_path / "odd.exr", FLOAT[..., :2], oiio.FLOAT, ("U", "V"))
+    with pytest.raises(InputError, match=r"expected channels R, G, B, or a single one, the file has U, V"):
+        read_stored(path)
+
+
+def test_an_ultra_hdr_photograph_is_its_standard_picture(tmp_path):
+    """Not the light of its gain map, two stops brighter; its profile is kept."""
+    path = ultra_hdr(tmp_path / "phone.jpg", 128, profile=icc_profile())
+    with_gain = oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[0, 0, 0]
+    assert with_gain == pytest.approx(4 * 0.2159, rel=0.02)
+    found = read_stored(path)
+    np.testing.assert_allclose(found.pixels, 128, atol=1)
+    assert found.pixels.dtype == np.uint8
+    assert bytes(found.attributes["ICCProfile"]) == icc_profile()
+
+
+def test_the_header_is_enough_for_the_size(tmp_path):
+    """A picture larger than any that can be used is refused in no time."""
+    header = read_header(flat_png(tmp_path / "map.png", 3000, 2000))
+    assert (header.width, header.height, header.channels) == (3000, 2000, ("Y",))
+    assert header.decoded_bytes(1) == 3000 * 2000 * 5
+    with pytest.raises(InputError, match=r"big\.png: expected an image of at most 32768 x 32768, got 40000 x 10"):
+        read_header(flat_png(tmp_path / "big.png", 40000, 10))
