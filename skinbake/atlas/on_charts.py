@@ -14,7 +14,16 @@ EDGE = 1e-6  # texels beyond an edge that still count
 
 
 def on_charts(mesh: SkinMesh, tile: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Texels of an image of `shape` (h, w) over one UDIM tile whose centre a triangle holds, (h, w)."""
+    """Texels of an image whose centre a triangle holds, of the image's shape.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    tile : int
+        UDIM number of the tile that the image covers.
+    shape : (height, width)
+        Of the image.
+    """
     corner_xy = corner_texels(mesh, tile, shape)
     out = np.zeros(shape, np.bool_)
     _hold(corner_xy, out)
