@@ -4,7 +4,9 @@
 CONFIG ?= configs/head.yaml
 BATCH ?= configs/looks.yaml
 PYTHON ?= python3
-OUT = out/$(basename $(notdir $(CONFIG)))
+
+# A path as one word for the shell, whatever is in it
+QUOTED = '$(subst ','\'',$(1))'
 
 BIN := .venv/bin
 SKINBAKE := $(BIN)/skinbake
@@ -42,13 +44,13 @@ data:  ## make the sample head anew from its script
 	$(BIN)/python data/make_head.py --out data
 
 bake: $(READY)  ## bake CONFIG and render its preview
-	$(SKINBAKE) bake $(CONFIG)
+	$(SKINBAKE) bake $(call QUOTED,$(CONFIG))
 
 preview: $(READY)  ## look at what the bake of CONFIG left
-	$(SKINBAKE) preview $(OUT)
+	$(SKINBAKE) preview $(call QUOTED,$(CONFIG))
 
 batch: $(READY)  ## bake every look of BATCH, with -jN on N processes
-	$(SKINBAKE) batch $(BATCH) -j $(J)
+	$(SKINBAKE) batch $(call QUOTED,$(BATCH)) -j $(J)
 
 out/%/irradiance.exr: configs/%.yaml $(DATA) $(LIGHT_CODE) | $(READY)
 	$(SKINBAKE) irradiance $< --out $(@D)
@@ -69,7 +71,7 @@ $(foreach batch,$(BATCHES),$(eval $(call BATCH_RULE,$(batch))))
 -include $(wildcard out/*/bake.d out/*/*/bake.d)
 
 tradeoff: $(READY)  ## measure time and memory against error for CONFIG
-	$(SKINBAKE) tradeoff $(CONFIG)
+	$(SKINBAKE) tradeoff $(call QUOTED,$(CONFIG))
 
 test: $(READY) .venv/.xvfb  ## run every test
 	$(BIN)/python -m pytest

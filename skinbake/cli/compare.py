@@ -45,7 +45,7 @@ def command(
 ) -> int:
     """Compare IMAGE with REFERENCE: two EXR or image files, or two bake folders, lobe by lobe and their weighted sum.
 
-    Lobes of two bakes that are stored at different sizes are read at the larger one.
+    Lobes of two bakes that are stored at different sizes are read at the larger one. The first line is the verdict.
     Exit codes: 0 same, 1 differs, 2 could not compare.
     """
     from skinbake.compare import Tolerance, compare
@@ -59,19 +59,41 @@ def command(
     found = {name: compare(ours[name], theirs[name], tolerance) for name in ours if name in theirs}
     missing = sorted(set(ours) ^ set(theirs))
     pairs = {n: (ours[n], theirs[n]) for n in found if ours[n].shape == theirs[n].shape}
+    same = not missing and all(d.same for d in found.values())
     if as_json:
-        print(json.dumps({"images": {n: _figures(d) for n, d in found.items()}, "missing": missing}, indent=1))
+        print(
+            json.dumps(
+                {"same": same, "images": {n: _figures(d) for n, d in found.items()}, "missing": missing}, indent=1
+            )
+        )
     if not pairs:
         got = next(iter(found.values())).why if found else "none of one name"
         raise InputError(f"{image} and {reference}: expected images of one name and shape, got {got}")
     if not as_json:
+        print(_verdict(found, missing))
         for name, d in found.items():
             print(f"{name:<40} rms {d.rms:.3e}  max {d.max_absolute:.3e} ({d.max_relative:.3%})  {d.why}")
         for name in missing:
             print(f"{name:<40} only in {image if name in ours else reference}")
     if picture:
         false_colour_sheet(Path(picture), pairs)
-    return 0 if not missing and all(d.same for d in found.values()) else 1
+    return 0 if same else 1
+
+
+def _verdict(found: dict[str, Difference], missing: list[str]) -> str:
+    """One line: whether all is the same, else how much is not and what is worst."""
+    differ = {name: d for name, d in found.items() if not d.same}
+    if not differ and not missing:
+        return f"same: {len(found)} image{'s' if len(found) > 1 else ''} within the limits"
+    parts = []
+    if differ:
+        worst = max(
+            differ, key=lambda name: differ[name].max_relative if math.isfinite(differ[name].max_relative) else math.inf
+        )
+        parts.append(f"{len(differ)} of {len(found)} images; most {worst or 'the image'}: {differ[worst].why}")
+    if missing:
+        parts.append(f"{len(missing)} in one of them only")
+    return f"differs: {'; '.join(parts)}"
 
 
 def _figures(difference: Difference) -> dict[str, Any]:

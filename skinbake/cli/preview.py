@@ -46,13 +46,17 @@ def command(
     supersample: int,
     verbosity: int,
 ) -> None:
-    """Show what a bake left in FOLDER: in a window, or as pictures.
+    """Show what a bake left in FOLDER, or in the folder of the look FOLDER.yaml: in a window, or as pictures.
 
     Pictures come with --out, --png, --exr, --views, --turntable or --compare.
     Without a display, writes FOLDER/preview.png.
     """
     from skinbake.preview.platform import has_display
 
+    if Path(folder).suffix.lower() in (".yaml", ".yml") and not Path(folder).is_dir():
+        from skinbake.io.config import load_look
+
+        folder = load_look(folder, files=False).output.dir
     gains = parse_lights(lights)
     pixels = parse_size(size) if size else None
     pictures = bool(out or png or exr or views or turntable or compare)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ Image = NDArray[np.floating]
 def images_of(path: Path) -> dict[str, Image]:
     """Every image of an EXR, another image file, or a bake folder, as (h, w, channels) by a name.
 
+    Channels come in the order R, G, B, others by name, A.
+
     Raises
     ------
     InputError
@@ -34,9 +36,16 @@ def images_of(path: Path) -> dict[str, Image]:
     if path.suffix.lower() == ".exr":
         parts = read_parts(path).items()
         return {
-            name: np.stack([p.channels[c] for c in sorted(p.channels)], axis=-1).astype(np.float32) for name, p in parts
+            name: np.stack([p.channels[c] for c in _ordered(p.channels)], axis=-1).astype(np.float32)
+            for name, p in parts
         }
     return {"": read_map(path, 3, "linear")}
+
+
+def _ordered(channels: Iterable[str]) -> list[str]:
+    """Names of channels: colours first, as a picture shows them; alpha last."""
+    first = {"R": 0, "G": 1, "B": 2, "A": 4}
+    return sorted(channels, key=lambda name: (first.get(name, 3), name))
 
 
 def diffuse_of(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Image]:
@@ -70,7 +79,9 @@ def false_colour_sheet(path: Path, pairs: Mapping[str, tuple[Image, Image]]) -> 
             for axis, values, title in zip(row[:2], (image, reference), (name, "reference"), strict=True):
                 axis.imshow(np.clip(_rgb(values) / top, 0, 1) ** (1 / 2.2))
                 axis.set_title(printable(title), fontsize=8, parse_math=False)
-            shown = row[2].imshow(np.abs(image - reference).max(axis=-1) / top, cmap="magma", vmin=0)
+            off = np.abs(image - reference).max(axis=-1) / top
+            # Equal images are black: without a largest value, matplotlib would show the middle of its colours
+            shown = row[2].imshow(off, cmap="magma", vmin=0, vmax=float(np.nanmax(off, initial=0)) or 1.0)
             row[2].set_title("difference / brightest value", fontsize=8)
             figure.colorbar(shown, ax=row[2])
         for axis in axes.ravel():
@@ -78,7 +89,5 @@ def false_colour_sheet(path: Path, pairs: Mapping[str, tuple[Image, Image]]) -> 
 
 
 def _rgb(values: Image) -> Image:
-    """Show one channel as grey, channels sorted by name (A, B, G, R) as colour."""
-    if values.shape[-1] == 4:
-        return values[..., 3:0:-1]
-    return values[..., ::-1] if values.shape[-1] == 3 else np.repeat(values[..., :1], 3, axis=-1)
+    """Show colours, which come first, as such, and anything of fewer channels as the grey of its first."""
+    return values[..., :3] if values.shape[-1] >= 3 else np.repeat(values[..., :1], 3, axis=-1)

@@ -10,6 +10,7 @@ import pytest
 
 from skinbake.cli import run
 from skinbake.io.exr import Part, read_parts, rgb_channels, write_parts
+from skinbake.io.image import read_map
 from skinbake.io.manifest import read_manifest
 from skinbake.io.mesh import write_obj
 from tests.cli.test_bad_input import save
@@ -91,6 +92,33 @@ def test_what_has_nothing_in_common_cannot_be_compared(tmp_path, capsys):
     assert strict_json(capsys.readouterr().out)["images"][""]["rms"] is None
     assert run(["compare", a, str(write_bake(tmp_path))]) == 2
     assert capsys.readouterr().err.endswith("got none of one name\n")
+
+
+def test_the_verdict_comes_first(tmp_path, capsys):
+    """One line, and in JSON one value: the same; or how much differs, and what most."""
+    a, b = image(tmp_path / "a.exr"), image(tmp_path / "b.exr", 0.8)
+    assert run(["compare", a, a]) == 0
+    assert capsys.readouterr().out.startswith("same: 1 image within the limits\n")
+    assert run(["compare", a, b]) == 1
+    assert re.match(r"differs: 1 of 1 images; most the image: 0\.5 against 0\.8 at ", capsys.readouterr().out)
+    for other, same in ((a, True), (b, False)):
+        run(["compare", a, other, "--json"])
+        assert next(iter(strict_json(capsys.readouterr().out).items())) == ("same", same)
+
+
+def test_colours_are_shown_by_their_channels_names(tmp_path):
+    """A light's part: R, G, B and how much of it is visible; a warm sun is warm, and equal images are black."""
+    warm = np.broadcast_to(np.float32([1.0, 0.4, 0.05]), (30, 30, 3))
+    part = Part("light.sun", rgb_channels(warm.copy()) | {"visibility": np.full((30, 30), 0.7, np.float32)})
+    write_parts(tmp_path / "a.exr", [part])
+    picture = tmp_path / "difference.png"
+    assert run(["compare", str(tmp_path / "a.exr"), str(tmp_path / "a.exr"), "--picture", str(picture)]) == 0
+    pixels = read_map(picture, 3, "linear")
+    row = pixels[pixels.shape[0] // 2]
+    panels = [row[round(at * len(row))] for at in (0.15, 0.5, 0.8)]
+    for shown in panels[:2]:
+        np.testing.assert_allclose(shown, np.array([1.0, 0.4, 0.05]) ** (1 / 2.2), atol=0.02)
+    np.testing.assert_allclose(panels[2], 0, atol=0.02)
 
 
 def test_folders_with_something_in_common_differ(tmp_path, capsys):

@@ -130,3 +130,18 @@ def test_looks_of_a_batch_are_targets_and_can_be_made_side_by_side(project):
     assert "batch configs/looks.yaml -j 2" in said
     assert err.count("as it was") == 2
     assert (project.folder / "out" / "looks" / "batch.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("folder", ["elsewhere", "my dir", "it's $(here)"])
+def test_a_preview_follows_the_look_s_own_folder(project, folder):
+    """`make bake CONFIG=x`, then `make preview CONFIG=x`: what that bake left, wherever the look and its output lie."""
+    beside = project.folder / folder
+    beside.mkdir()
+    write_obj(beside / "mesh.obj", relief(segments=24))
+    (beside / "look.yaml").write_text(LOOK.replace("output: {dir: out}", "output: {dir: own}"))
+    config = "CONFIG=" + f"{folder}/look.yaml".replace("$", "$$")
+    project("bake", config)
+    (beside / "own" / "preview.png").unlink()
+    _, err = project("preview", config, "DISPLAY=")
+    assert (beside / "own" / "preview.png").exists(), err
+    assert not (project.folder / "out").exists()
