@@ -11,6 +11,7 @@ from tests.conftest import ROOT
 ORDER = [
     "errors",
     "numerics",
+    "machine",
     "kernels",
     "stored_precision",
     "scene",

@@ -8,11 +8,11 @@ from typing import Any
 import skinbake
 from skinbake.baking.folder_store import FolderStore
 from skinbake.baking.inputs import BakeInputs
-from skinbake.baking.machine import peak_memory_mib
 from skinbake.baking.stage_log import StageLog
 from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name, stored_method
 from skinbake.io.manifest import portable_config
+from skinbake.machine import peak_memory_mib
 from skinbake.pipeline import Baked
 
 

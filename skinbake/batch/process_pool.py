@@ -20,9 +20,9 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from skinbake.baking.machine import reuse_freed
 from skinbake.errors import SkinbakeError
 from skinbake.kernels.threads import processors
+from skinbake.machine import reuse_freed
 
 Listen = Callable[[str, Any], None]  # job's name, event
 Work = Callable[[Any, Callable[[Any], None]], dict[str, Any]]  # payload, tell -> result

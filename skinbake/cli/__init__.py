@@ -12,8 +12,8 @@ from typing import Any
 import click
 
 import skinbake
-from skinbake.baking.machine import reuse_freed
 from skinbake.errors import SkinbakeError, printable
+from skinbake.machine import reuse_freed
 
 VERBS = {
     "bake": "Bake a look: irradiance, diffusion, error, preview.",

@@ -191,7 +191,7 @@ def expected(
 
 def readable(report: dict[str, Any]) -> str:
     """The report for a terminal."""
-    from skinbake.diffuse.memory import physical_memory_bytes
+    from skinbake.machine import physical_memory_bytes
 
     mesh, uv, cost = report["mesh"], report["uv"], report["expected"]
     there_mib = physical_memory_bytes() // 2**20

@@ -331,7 +331,7 @@ def _picture(folder: Path) -> NDArray[np.float32] | None:
 
 def own_peak_mib() -> float:
     """Largest resident size of this process, MiB; on Linux without what its parent had when it was started."""
-    from skinbake.baking.machine import peak_memory_mib
+    from skinbake.machine import peak_memory_mib
 
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text().splitlines():

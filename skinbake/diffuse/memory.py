@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
-
 from skinbake.diffuse.methods import METHODS, method_asked_for
 from skinbake.errors import MachineError
+from skinbake.machine import physical_memory_bytes
 
 
 def memory_needed_bytes(
@@ -44,11 +43,6 @@ def memory_needed_bytes(
     fixed = method_asked_for(method)
     per_texel += max(each.memory_bytes_per_texel(lights) for each in ([fixed] if fixed else METHODS.values()))
     return int(texels * per_texel)
-
-
-def physical_memory_bytes() -> int:
-    """What this machine has."""
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, method: str) -> None:

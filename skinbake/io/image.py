@@ -374,7 +374,7 @@ def _within(path: Path, values: Image, low: float, high: float) -> Image:
         expected = f"values from {low:g} to {high:g}" if np.isfinite(high) else f"values >= {low:g}"
         raise InputError(
             f"{path}: expected {expected}, got {values[row, col, channel]:g} at column {col}, row {row}"
-            f" ({np.count_nonzero(bad)} in all)"
+            f"{_channel(values, channel)} ({np.count_nonzero(bad)} in all)"
         )
     return np.clip(values, low, high, out=values)
 
@@ -387,16 +387,21 @@ def _not_negative(path: Path, values: Image) -> Image:
         row, col, channel = np.argwhere(bad)[0]
         raise InputError(
             f"{path}: expected values >= 0, got {values[row, col, channel]:g} at column {col}, row {row}"
-            f" ({np.count_nonzero(bad)} in all)"
+            f"{_channel(values, channel)} ({np.count_nonzero(bad)} in all)"
         )
     return np.maximum(values, 0, out=values)
 
 
 def _refuse_non_finite(path: Path, pixels: NDArray[Any]) -> None:
-    bad = ~np.isfinite(pixels).all(axis=2)
+    bad = ~np.isfinite(pixels)
     if bad.any():
-        row, col = np.argwhere(bad)[0]
+        row, col, channel = np.argwhere(bad)[0]
         raise InputError(
-            f"{path}: expected finite values, got NaN or Inf in {np.count_nonzero(bad)} texels,"
-            f" the first at column {col}, row {row}"
+            f"{path}: expected finite values, got NaN or Inf in {np.count_nonzero(bad.any(axis=2))} texels,"
+            f" the first at column {col}, row {row}{_channel(pixels, channel)}"
         )
+
+
+def _channel(pixels: NDArray[Any], channel: int) -> str:
+    """Name of a channel for a message; nothing where the picture is no colour."""
+    return f", channel {'RGBA'[channel]}" if 3 <= pixels.shape[2] <= 4 else ""

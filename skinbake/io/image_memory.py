@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from skinbake.diffuse.memory import physical_memory_bytes
 from skinbake.errors import MachineError
 from skinbake.io.image_file import read_header
 from skinbake.io.tile_names import tile_files
+from skinbake.machine import physical_memory_bytes
 from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.spec import SceneSpec
 

@@ -17,7 +17,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from skinbake.atlas import face_mm_per_texel, interpolate, rasterize
-from skinbake.baking.machine import reuse_freed
 from skinbake.diffuse import diffuse
 from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.methods.hybrid import LOOSE
@@ -25,6 +24,7 @@ from skinbake.diffuse.planning.fixed import plan_lobe
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.texture_space.blur import texture_blur, texture_pyramid, widest_level
+from skinbake.machine import reuse_freed
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec

@@ -132,7 +132,11 @@ def test_out_and_set_go_over_every_look(batch, tmp_path):
     ("before", "after", "message"),
     [
         ("size: 64}", "sise: 64}", "looks.yaml:3: texture.sise: unknown key; did you mean size? (jobs small-32-one, "),
-        ("unit: cm", "unit: yard", "looks.yaml:7: mesh.unit: expected 'mm', 'cm', 'dm', 'm' or 'inch', got 'yard'"),
+        (
+            "unit: cm",
+            "unit: yard",
+            "looks.yaml:7: mesh.unit: expected 'mm', 'cm', 'dm', 'm', 'inch' or 'file', got 'yard'",
+        ),
         ("{texture: {size: 32}}", "{texture: {size: 0}}", "looks.yaml:10: texture.size: expected a number >= 1"),
         ("[0, 0, -1]", "[0, 0, 0]", "looks.yaml:15: lights[0].direction: expected a direction that is not zero"),
         ("lights.rim", "lights.rum", "looks.yaml:16: lights.rum: no such item"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import resource
 import sys
 from contextlib import suppress
@@ -27,3 +28,8 @@ def reuse_freed() -> None:
             glibc = ctypes.CDLL("libc.so.6")
             for parameter, value in ((_ARENA_MAX, 1), (_MMAP_MAX, 0), (_TRIM_THRESHOLD, -1)):
                 glibc.mallopt(parameter, value)
+
+
+def physical_memory_bytes() -> int:
+    """Memory that this machine has, bytes."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

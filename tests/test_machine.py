@@ -7,8 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from skinbake.baking.machine import reuse_freed
 from skinbake.cli.measuring import in_child
+from skinbake.machine import reuse_freed
 
 
 def _faults(list_of_counts):
