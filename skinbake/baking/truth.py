@@ -55,7 +55,7 @@ def bare_look(spec: SceneSpec) -> SceneSpec:
     """
     bare = spec.model_copy(
         update={
-            "maps": MapsSpec(),
+            "maps": MapsSpec(albedo_rgb=(1.0, 1.0, 1.0)),
             "skin": spec.skin.model_copy(update={"normalise": "none"}),
             "texturing": TexturingSpec(),
             "output": spec.output.model_copy(update={"lights": "separate", "tx": False}),

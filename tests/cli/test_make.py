@@ -127,7 +127,7 @@ def test_looks_of_a_batch_are_targets_and_can_be_made_side_by_side(project):
     project("-j2", *targets)
     assert "up to date" in project(*targets)[0]
     said, err = project("-j2", "batch")
-    assert "batch configs/looks.yaml -j 2" in said
+    assert "batch 'configs/looks.yaml' -j 2" in said
     assert err.count("as it was") == 2
     assert (project.folder / "out" / "looks" / "batch.png").stat().st_size > 1000
 
