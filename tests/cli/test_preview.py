@@ -80,7 +80,7 @@ def test_the_picture_of_a_bake_is_the_one_its_folder_gives(tmp_path, monkeypatch
     """Drawn from memory while the files are written, or read from them afterwards: the same bytes."""
     if renderer_name() is None:
         pytest.skip("no headless OpenGL here (python -m skinbake.preview.setup_gl)")
-    monkeypatch.setattr("skinbake.baking.still.any_thread", lambda: own_thread)
+    monkeypatch.setattr("skinbake.baking.preview_worker.any_thread", lambda: own_thread)
     write_bake(tmp_path)
     key = "{name: key, type: directional, direction: [-1, -1, -1], irradiance: [3, 2, 1]}"
     lights = f"lights=[{key}, {{name: sky, type: environment, radiance: [0.1, 0.2, 0.3]}}]"
