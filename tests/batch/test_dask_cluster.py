@@ -21,12 +21,12 @@ pytest.importorskip("distributed", reason="the extra `farm` is not installed")
 
 CLIENT = """
 import json, sys
-from skinbake.batch import farm
+from skinbake.batch import dask_cluster
 from skinbake.batch.dask_cluster import run_on_dask
 from tests.batch.fake_jobs import work
 if __name__ == "__main__":
     address, payloads = sys.argv[1], json.loads(sys.argv[2])
-    farm.CONNECT_S, events = 5, []
+    dask_cluster.CONNECT_S, events = 5, []
     listen = lambda name, event: events.append((name, event["event"]))
     found = run_on_dask(address, work, payloads, listen, **json.loads(sys.argv[3]))
     print(json.dumps({"results": found, "events": events}))

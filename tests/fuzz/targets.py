@@ -410,11 +410,11 @@ def damage_binary(seeds: Seeds, rng: Random) -> tuple[str, bytes]:
 def read_exr(path: Path) -> None:
     """Every way an EXR comes in: header, parts, irradiance, keys, a lobe."""
     from skinbake.io.exr import read_attributes, read_parts
-    from skinbake.io.irradiance import light_keys, read_irradiance
+    from skinbake.io.irradiance import part_keys, read_irradiance
     from skinbake.io.lobes import read_summary
 
     refusals = []
-    for read in (read_attributes, read_parts, light_keys):
+    for read in (read_attributes, read_parts, part_keys):
         try:
             read(path)
         except SkinbakeError as error:
