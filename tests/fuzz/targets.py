@@ -450,7 +450,9 @@ def read_image(path: Path) -> None:
     from skinbake.io.image import read_maps
     from skinbake.scene.spec import MapsSpec
 
-    maps = MapsSpec.model_validate({name: str(path) for name in ("albedo", "normal", "roughness")})
+    one = {"path": str(path), "channel": "g"}  # colours that differ are refused where one number is wanted
+    normal = {"path": str(path), "encoding": "unsigned"}  # float maps do not say
+    maps = MapsSpec.model_validate({"albedo": str(path), "normal": normal, "roughness": one})
     found = read_maps(maps)
     for values in (found.albedo[1001], found.normal[1001], found.roughness[1001]):
         assert values.dtype == np.float32
