@@ -17,7 +17,7 @@ export SKINBAKE_LPS ?= $(abspath $(firstword $(wildcard data/lee_perry_smith ../
 
 # Stage files are targets: `make out/head/bake.json`, `make -j2 out/looks/classic-warm/bake.json ...` do what is stale.
 CODE := $(shell find skinbake -name '*.py' -o -name '*.frag' -o -name '*.vert')
-LIGHT_CODE := $(filter skinbake/atlas/% skinbake/irradiance/% skinbake/io/% skinbake/scene/%,$(CODE)) $(wildcard skinbake/*.py)
+LIGHT_CODE := $(filter skinbake/atlas/% skinbake/irradiance/% skinbake/io/% skinbake/kernels/% skinbake/scene/%,$(CODE)) $(wildcard skinbake/*.py)
 SKINS := $(wildcard configs/skins/*.yaml)
 BATCHES := $(basename $(notdir $(shell grep -lE '^(jobs|matrix):' configs/*.yaml)))
 # -jN of make, for the one process that bakes many
