@@ -44,7 +44,7 @@ def test_infinite_suns_are_clamped_where_asked(tmp_path):
     sky[3, 4, 1] = np.inf
     path = save(tmp_path / "sky.exr", sky, oiio.HALF)
     with pytest.raises(
-        InputError, match=r"NaN or Inf in 1 texels, the first at column 4, row 3; `clamp:` of the light"
+        InputError, match=r"NaN or Inf in 1 texels, the first at column 4, row 3, channel G; `clamp:` of the light"
     ):
         read(path)
     for most in (65504.0, 2000.0, 1e6):
