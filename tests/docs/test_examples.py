@@ -28,7 +28,7 @@ from skinbake.io.config import load_look
 from skinbake.profile import fit_skin
 import skinbake.irradiance.light_texels, skinbake.preview.shader_light, skinbake.preview.controls
 look = load_look(sys.argv[1], files=False)
-print([light.type for light in look.lights], fit_skin(look.skin).gaussians.model)
+print([light.type for light in look.lights], fit_skin(look.skin).gaussians.model, look.diffusion.method)
 """
 
 
@@ -58,5 +58,5 @@ def test_an_example_applies_and_its_look_is_understood(name, tmp_path):
         env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(tmp_path)},
     )  # fmt: skip
     assert loaded.returncode == 0, loaded.stderr
-    added = {"skin": "exponential", "lights": "fill"}[key]
+    added = {"skin": "exponential", "lights": "fill", "diffusion": "mean"}[key]
     assert added in loaded.stdout
