@@ -185,6 +185,6 @@ class BakedSkin:
         """A light of which the lobes are stored apart."""
         if light is not None and light not in self.lights:
             raise InputError(f"light: expected one of {', '.join(self.lights)}, got {light}")
-        if light is not None and self.look.output.lights == "total":
+        if light is not None and not self.look.output.separate_lights:
             raise InputError(f"light {light}: this bake summed its lights; bake with output.lights: separate")
         return light

@@ -155,7 +155,7 @@ def expected(
     from skinbake.diffuse.planning.rules import stored_level
     from skinbake.diffuse.terms.transmission import transmitted_level
 
-    lights, summed = len(spec.lights), spec.output.lights == "total"
+    lights, summed = len(spec.lights), not spec.output.separate_lights
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
     covered = megatexels * uv.coverage
     texel_mm2 = uv.area_mm2 / max(covered * 2**20, 1)

@@ -62,7 +62,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
     names = tuple(manifest["lights"] or [light.name for light in spec.lights])
     if names != tuple(light.name for light in spec.lights):
         raise InputError(f"{folder / NAME}: expected lights {[light.name for light in spec.lights]}, got {list(names)}")
-    separate = spec.output.lights == "separate" and not summed
+    separate = spec.output.separate_lights and not summed
 
     irradiance, visibility = {}, {}
     for tile, file in _tiled(manifest["irradiance"], spec):

@@ -9,7 +9,7 @@ from skinbake.scene.spec import SceneSpec
 
 def decide(spec: SceneSpec) -> Decisions:
     """Every decision that needs the look only; those that need light or skin are made where these are known."""
-    separate = spec.output.lights == "separate"
+    separate = spec.output.separate_lights
     names = tuple(light.name for light in spec.lights) if separate else (TOTAL_LIGHT,)
     return Decisions(_energy_conservation(spec), separate, names)
 

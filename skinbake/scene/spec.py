@@ -268,6 +268,11 @@ class OutputSpec(Strict):
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     tx: bool = False
 
+    @property
+    def separate_lights(self) -> bool:
+        """Whether each light is diffused and stored on its own."""
+        return self.lights == "separate"
+
 
 View = Literal["front", "left", "right", "three-quarter", "three-quarter-right", "back", "nose", "lips", "eyes", "ear"]
 PictureSize = Annotated[int, Field(ge=1, le=8192)]
