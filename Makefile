@@ -1,5 +1,6 @@
 # make bake        set up what is missing, bake and preview the sample head (CONFIG=configs/other.yaml for another)
 # make test        set up what is missing and run every test
+# make quick       the tests worth running after each edit
 # make help        all targets
 CONFIG ?= configs/head.yaml
 BATCH ?= configs/looks.yaml
@@ -30,6 +31,7 @@ J = $(or $(patsubst -j%,%,$(firstword $(filter -j%,$(MAKEFLAGS)))),1)
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' Makefile
+	@for part in $(TESTED); do printf '  %-19s %s\n' '' "pytest $$part"; done
 
 install: $(READY)  ## make .venv, install the project, see that headless OpenGL works
 

@@ -6,12 +6,19 @@ from pathlib import Path
 
 import pytest
 
+from tests.progress import Progress
+
 ROOT = Path(__file__).parent.parent
 ASSETS = ROOT.parent / "shared" / "assets"
 
 
 def pytest_addoption(parser):
     parser.addoption("--golden-update", action="store_true", help="write the golden EXRs anew instead of comparing")
+
+
+def pytest_configure(config):
+    if config.get_verbosity() <= 0 and not hasattr(config, "workerinput"):  # else each test has its line already
+        config.pluginmanager.register(Progress())
 
 
 @pytest.fixture

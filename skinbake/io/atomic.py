@@ -12,7 +12,8 @@ from pathlib import Path
 
 from skinbake.errors import InputError, MachineError
 
-_TEMPORARY = re.compile(r"\..+\.\d+\.part(\.\w+)?")
+# ... the second part is what OpenImageIO's texture maker adds to the name that it was given
+_TEMPORARY = re.compile(r"\..+\.\d+\.part(\.\w+)?(\.[0-9a-f]{8}\.temp\.\w+)?")
 
 
 @contextmanager

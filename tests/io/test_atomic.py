@@ -4,7 +4,7 @@ import os
 import pytest
 
 from skinbake.errors import InputError, MachineError
-from skinbake.io.atomic import atomic_write, write_text
+from skinbake.io.atomic import atomic_write, temporary_files, write_text
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -49,3 +49,12 @@ def test_a_file_where_a_folder_should_be_is_told(tmp_path):
     (tmp_path / "out").write_text("a file")
     with pytest.raises(InputError, match="expected a folder"):
         write_text(tmp_path / "out" / "a.txt", "text")
+
+
+def test_names_of_our_own_making_are_told_from_others(tmp_path):
+    """Also the file that OpenImageIO writes beside a `.tx` while it makes it; other people's files are left alone."""
+    ours = {".lobe_1.exr.77.part", ".lobe_1.77.part.exr", ".lobe_1.key.6632.part.a87d17ba.temp.tx"}
+    others = {".parts", ".a.part.exr", ".a.77.parts", "a.77.part.exr", ".a.77.part.tx.bak.old", "b.a87d17ba.temp.tx"}
+    for name in ours | others:
+        (tmp_path / name).touch()
+    assert {path.name for path in temporary_files(tmp_path)} == ours

@@ -1,0 +1,54 @@
+"""A line every ten seconds that says where a run of the tests is."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+SECONDS = 10.0
+
+
+class Progress:
+    """Counts tests as they end and tells of them on the terminal, also while a test captures what is printed.
+
+    Parameters
+    ----------
+    seconds : float
+        Between two lines.
+    """
+
+    def __init__(self, seconds: float = SECONDS) -> None:
+        self.seconds = seconds
+        self.begun = time.monotonic()
+        self.total, self.done, self.running = 0, 0, ""
+        self._out = os.dup(1)  # pytest redirects descriptor 1 while a test runs
+        self._ended = threading.Event()
+        self._teller = threading.Thread(target=self._tell, daemon=True)
+
+    def line(self) -> str:
+        """How far the run is, and at which test."""
+        took = time.monotonic() - self.begun
+        share = self.done / self.total if self.total else 0.0
+        return f"[{share:4.0%}] {self.done} of {self.total} tests, {took:.0f} s: {self.running}"
+
+    def _tell(self) -> None:
+        while not self._ended.wait(self.seconds):
+            os.write(self._out, f"\n{self.line()}\n".encode())
+
+    def pytest_collection_finish(self, session):
+        """All tests are known: begin to tell."""
+        self.total = len(session.items)
+        self._teller.start()
+
+    def pytest_runtest_logstart(self, nodeid):
+        """A test begins."""
+        self.running = nodeid
+
+    def pytest_runtest_logfinish(self):
+        """A test has ended."""
+        self.done += 1
+
+    def pytest_sessionfinish(self):
+        """No line is written below pytest's own last lines."""
+        self._ended.set()
