@@ -20,6 +20,7 @@ export SKINBAKE_LPS ?= $(abspath $(firstword $(wildcard data/lee_perry_smith ../
 CODE := $(shell find skinbake -name '*.py' -o -name '*.frag' -o -name '*.vert')
 LIGHT_CODE := $(filter skinbake/atlas/% skinbake/irradiance/% skinbake/io/% skinbake/kernels/% skinbake/scene/%,$(CODE)) $(wildcard skinbake/*.py)
 SKINS := $(wildcard configs/skins/*.yaml)
+PARTS := $(sort $(patsubst tests/%/,%,$(dir $(wildcard tests/*/test_*.py tests/*/*/test_*.py))))
 BATCHES := $(basename $(notdir $(shell grep -lE '^(jobs|matrix):' configs/*.yaml)))
 # -jN of make, for the one process that bakes many
 J = $(or $(patsubst -j%,%,$(firstword $(filter -j%,$(MAKEFLAGS)))),1)
@@ -27,11 +28,11 @@ J = $(or $(patsubst -j%,%,$(firstword $(filter -j%,$(MAKEFLAGS)))),1)
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PRECIOUS: out/%/bake.json out/%/irradiance.exr
-.PHONY: help install data bake preview batch tradeoff test faults check format golden golden-update bench clean
+.PHONY: help install data bake preview batch tradeoff test quick faults check format golden golden-update bench clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' Makefile
-	@for part in $(TESTED); do printf '  %-19s %s\n' '' "pytest $$part"; done
+	@printf '  %s\n' 'The tests of one part: $(BIN)/python -m pytest tests/PART, with one of these for PART:' '    $(PARTS)'
 
 install: $(READY)  ## make .venv, install the project, see that headless OpenGL works
 
@@ -77,6 +78,9 @@ tradeoff: $(READY)  ## measure time and memory against error for CONFIG
 
 test: $(READY) .venv/.xvfb  ## run every test
 	$(BIN)/python -m pytest
+
+quick: $(READY)  ## the tests worth running after each edit
+	$(BIN)/python -m pytest -m 'not slow'
 
 .venv/.xvfb: | $(READY)
 	@$(BIN)/python -m skinbake.preview.setup_gl xvfb

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.numerics import Float
-
-HALF_FAINT = 1 / 64  # as io.exr: a channel all below would lose its shadows to half's subnormals
+from skinbake.stored_precision import half_holds
 
 
 def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) -> Float:
@@ -29,10 +28,9 @@ def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) 
     flat, weight = bilinear_texels(place, height, width)
     values = image.reshape(lights, -1, 3)[:, flat]
     if half:
-        with np.errstate(over="ignore"):  # past 65504, and for channels faint all over, the writer takes float
+        with np.errstate(over="ignore"):  # what is past 65504 is not taken
             rounded = values.astype(np.float16).astype(np.float32)
-        top = np.abs(values).max(axis=(1, 2), keepdims=True, initial=0.0)
-        values = np.where(np.isfinite(rounded) & (top >= HALF_FAINT), rounded, values)
+        values = np.where(half_holds(np.abs(values).max(axis=(1, 2), keepdims=True, initial=0.0)), rounded, values)
     return np.einsum("lpkc,pk->plc", values.astype(np.float64), weight).reshape(len(place), 3 * lights)
 
 

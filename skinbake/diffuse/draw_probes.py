@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, Tiled, tile_origin
+from skinbake.atlas import AtlasRaster, Tiled
+from skinbake.atlas.texel_coordinates import local_uv, texel_xy
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.surface_space.points import TexelPoints
@@ -140,5 +141,6 @@ def _places(raster: AtlasRaster, flat: NDArray[np.int32], corner_uv: Float) -> F
     b = raster.barycentric.reshape(-1, 2)[flat].astype(np.float64)
     weights = np.stack([1 - b.sum(axis=1), b[:, 0], b[:, 1]], axis=1)
     uv = np.einsum("pk,pkc->pc", weights, corner_uv[face])
-    u0, v0 = tile_origin(raster.tile)
-    return np.stack([v0 + 1 - uv[:, 1], uv[:, 0] - u0], axis=1)
+    local = local_uv(uv, raster.tile)
+    across, down = texel_xy(local[:, 0], local[:, 1], 1, 1)
+    return np.stack([down, across], axis=1)

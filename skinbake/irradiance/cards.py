@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas.texel_coordinates import texel_xy
 from skinbake.scene.casters import OPAQUE, Casters
 
 Vectors = NDArray[np.float32]
@@ -77,8 +78,9 @@ class Cards:
             of_picture = self._image[triangle] == number
             u, v = (uv[of_picture] % 1.0).T
             height, width = picture.shape
-            rows = np.minimum(((1 - v) * height).astype(np.int64), height - 1)
-            found[of_picture] = picture[rows, np.minimum((u * width).astype(np.int64), width - 1)]
+            x, y = texel_xy(u, v, height, width)
+            rows, columns = np.minimum(y.astype(np.int64), height - 1), np.minimum(x.astype(np.int64), width - 1)
+            found[of_picture] = picture[rows, columns]
         return found
 
 

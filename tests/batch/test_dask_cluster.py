@@ -81,6 +81,7 @@ def lines(log):
     return [line.split() for line in log.read_text().splitlines()] if log.exists() else []
 
 
+@pytest.mark.slow
 def test_a_lost_worker_s_job_is_taken_up_by_another(tmp_path, cluster):
     """Two workers, one killed in the middle of its job: every job ends once, and all results arrive."""
     address, workers = cluster
@@ -103,6 +104,7 @@ def test_a_lost_worker_s_job_is_taken_up_by_another(tmp_path, cluster):
     assert ["job0", "stage"] in found["events"]
 
 
+@pytest.mark.slow
 def test_a_batch_on_a_farm_leaves_what_one_on_this_machine_does(tmp_path, cluster):
     """Real bakes through the verb; a worker is killed while it holds a folder: the same bytes, nothing half-written."""
     address, workers = cluster
@@ -176,6 +178,7 @@ def ssh():
         thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("who", ["nobody", "ssh"])
 def test_no_scheduler_is_told(tmp_path, ssh, who):
     """The message says how to start one, also where another protocol answers."""

@@ -118,6 +118,7 @@ def test_half_a_shadow_becomes_the_error_function(scene, tmp_path):
         np.testing.assert_allclose(got, np.broadcast_to(want[inside, None], got.shape), atol=limit, err_msg=method)
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_the_run_or_the_threads(scene):
     """Two bakes, and a bake on one thread, write the same bytes."""
     look = scene(size="[70, 50]")

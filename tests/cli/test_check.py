@@ -203,6 +203,7 @@ def compiled(tmp_path_factory):
     in_child(run, ["bake", head, "--out", str(out), "--quiet", "--no-preview", "--set", "texture.size=384"])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("output", ["half, lights: separate", "float, lights: total"])
 def test_what_is_expected_comes_true(tmp_path, capsys, output):

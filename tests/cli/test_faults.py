@@ -87,6 +87,7 @@ def check_whole(folder):
         )
 
 
+@pytest.mark.slow
 def test_a_bake_killed_at_random_times_ends_in_the_same_bytes(bakes):
     """Killed at any moment, in a new folder or in the middle of a change: the clean rerun is as one left alone."""
     undisturbed = bakes(out=bakes.folder / "alone")
@@ -111,6 +112,7 @@ def test_a_bake_killed_at_random_times_ends_in_the_same_bytes(bakes):
         assert contents(bakes.out) == want, f"after kill {killed}"
 
 
+@pytest.mark.slow
 def test_a_bake_killed_before_any_step_on_the_disk_ends_in_the_same_bytes(bakes):
     """Each fsync, rename and removal in turn is the one that is never made, when the folder holds another look."""
     undisturbed = bakes(out=bakes.folder / "alone")
@@ -252,6 +254,7 @@ def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
         look.scene()
 
 
+@pytest.mark.slow
 def test_a_cut_file_is_made_anew(bakes):
     """A copy that went wrong is not taken for a finished stage."""
     assert bakes()["code"] == 0

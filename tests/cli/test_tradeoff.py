@@ -145,6 +145,7 @@ def test_the_exact_values_know_no_seed_of_the_bake_but_its_own(look):
     assert len(np.unique(at.place, axis=0)) > 30
 
 
+@pytest.mark.slow
 def test_measures_continues_and_advises(look, tmp_path, monkeypatch, capsys):
     """Two settings, each in a process of its own; the second command adds runs and measures no error anew."""
 

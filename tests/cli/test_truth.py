@@ -31,6 +31,7 @@ def look(tmp_path):
     return tmp_path / "look.yaml"
 
 
+@pytest.mark.slow
 def test_a_ball_is_compared_and_taken_up_where_it_stopped(look, capsys):
     """truth.json has a record for each point and light, the manifest the distance; a second run walks no more."""
     command = ["truth", str(look), "--points", "16", "--walks", "96", "--json", "--quiet"]

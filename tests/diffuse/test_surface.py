@@ -96,6 +96,7 @@ def test_constant_light_stays_constant(method, variance):
     np.testing.assert_allclose(got[0][atlas[0].covered], 3.7, rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [20, 50, 100])
 def test_layouts_of_a_sphere_agree(radius):
     """Latitude-longitude on one and on two UDIM tiles, cube faces, xatlas's charts: the same light leaves a point."""

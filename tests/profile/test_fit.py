@@ -45,6 +45,7 @@ def test_tolerance_takes_the_fewest():
     assert fit_skin(dipole(fit={"gaussians": count - 1})).relative_error_rgb.max() > 0.01
 
 
+@pytest.mark.slow
 def test_tolerance_out_of_reach_is_said():
     """When twelve do not suffice the best is given, and marked."""
     report = fit_skin(dipole(fit={"tolerance": 1e-9}))

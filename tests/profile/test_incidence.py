@@ -12,6 +12,7 @@ from skinbake.profile.transport import trace_layers
 SKIN = Medium(np.array([0.032, 0.17, 0.48]), np.array([0.74, 0.88, 1.01]))
 
 
+@pytest.mark.slow
 def test_walks_give_the_closed_form():
     """A tiny part of the medium set apart as a layer of its own makes the walks do what Chandrasekhar's H does."""
     found = reflect_slanted([Layer(SKIN, 0.3, 1.0), Layer(SKIN, np.inf, 1.0)], 40_000, 3)
