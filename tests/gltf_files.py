@@ -50,6 +50,14 @@ class Gltf:
         self.tree.setdefault("materials", []).append(entry)
         return len(self.tree["materials"]) - 1
 
+    def image(self, data: bytes, kind="image/png", uri: str | None = None, name=None) -> dict:
+        """A picture, within the buffer or where `uri` says; gives `{"index": texture}`, as materials have it."""
+        entry = {"uri": uri} if uri else {"bufferView": self.view(data), "mimeType": kind}
+        images, textures = (self.tree.setdefault(key, []) for key in ("images", "textures"))
+        images.append(entry | ({"name": name} if name else {}))
+        textures.append({"source": len(images) - 1})
+        return {"index": len(textures) - 1}
+
     def glb(self) -> bytes:
         self.tree["buffers"] = [{"byteLength": len(self.data)}]
         text = json.dumps(self.tree).encode()

@@ -83,8 +83,11 @@ class BakeInputs:
             light = next(light for light in spec.lights if f"light.{light.name}" == role)
             return light.model_dump(mode="json", exclude={"path"}), digest, self.digests.get("ocio")
         chosen = getattr(spec.maps, role, None)
-        constant = spec.maps.albedo_rgb if role == "albedo" else None
-        return chosen and chosen.model_dump(mode="json", exclude={"path"}), digest, constant, self.digests.get("ocio")
+        # What stands in for a map: a constant, or what the mesh's own file holds, whose digest every stage has
+        others = (spec.maps.albedo_rgb, spec.maps.vertex_colors) if role == "albedo" else ()
+        source = spec.maps.source if chosen is None else None
+        written = chosen and chosen.model_dump(mode="json", exclude={"path"})
+        return written, digest, others, source, self.digests.get("ocio")
 
     def _read(self) -> SceneData:
         with self._log.measured("read"):

@@ -12,6 +12,7 @@ from skinbake.cli.options import config_argument, json_option, quiet_option, set
 
 if TYPE_CHECKING:
     from skinbake.atlas.report import UvReport
+    from skinbake.irradiance.scene_data import SceneData
     from skinbake.scene.spec import SceneSpec
 
 PICTURE = "uv_check.png"
@@ -83,7 +84,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         for name in ("albedo", "normal", "roughness", "specular")
     }
     orientation = guess_orientation(scene.mesh)
-    images_mib = sum(memory_of_images(spec).values()) / 2**20
+    images_mib = (sum(memory_of_images(spec).values()) + _of_materials(spec, scene)) / 2**20
     report = {
         "mesh": {
             "path": spec.mesh.path,
@@ -119,19 +120,26 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         "parts": [asdict(row) for row in part_table(spec)],
         "hidden_parts": [list(pair) for pair in uv.hidden_parts],
         "maps": sizes,
-        "notes": [*scene.mesh.notes, *filter(None, [orientation.advice]), *scene.notes, *_unpainted(spec)],
+        "notes": [*scene.mesh.notes, *filter(None, [orientation.advice]), *scene.notes, *_unpainted(spec, scene)],
         "expected": expected(spec, uv, len(atlas), gaussians.variance_mm2.tolist(), images_mib),
     }
     tiles = [raster.tile for raster in atlas]
     return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), uv
 
 
-def _unpainted(spec: SceneSpec) -> list[str]:
+def _unpainted(spec: SceneSpec, scene: SceneData) -> list[str]:
     """What is used where there is no albedo."""
-    if spec.maps.albedo is not None:
+    if scene.maps.albedo:
         return []
     colour = ", ".join(f"{value:.2f}" for value in spec.maps.albedo_rgb or ())
     return [f"maps.albedo: none, the skin is of one colour, albedo_rgb [{colour}]"]
+
+
+def _of_materials(spec: SceneSpec, scene: SceneData) -> int:
+    """Bytes of the maps that the mesh's own file holds, as float32 and as the 8-bit pictures that they were."""
+    roles = [role for role in ("albedo", "normal", "roughness") if getattr(spec.maps, role) is None]
+    images = [image for role in roles for image in getattr(scene.maps, role).values()]
+    return sum(image.nbytes + image.size for image in images) if spec.maps.source else 0
 
 
 def expected(

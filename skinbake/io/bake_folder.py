@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import FIRST_TILE, on_charts
+from skinbake.atlas import FIRST_TILE
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, channel_of, read_parts
-from skinbake.io.image import read_maps
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.lobes import is_transmission
+from skinbake.io.look_maps import read_look_maps
 from skinbake.io.manifest import NAME, read_manifest, spec_of
 from skinbake.io.mesh import read_look_mesh
-from skinbake.io.repaint import painted_mesh, repaint
 from skinbake.kernels.half import as_half
 from skinbake.preview.scene import PreviewLobe, PreviewScene
 from skinbake.scene.maps import SkinMaps
@@ -71,7 +69,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
         visibility[tile] = np.stack([channel_of(folder / file, parts, LIGHT + name, "visibility") for name in names])
 
     mesh = read_look_mesh(spec)
-    maps = read_maps(spec.maps, tuple(irradiance), partial(on_charts, painted_mesh(mesh)))
+    maps, _ = read_look_maps(spec, mesh, tuple(irradiance))
     lobes = tuple(_lobe(folder, entry, spec, names if separate else None) for entry in manifest["lobes"])
     try:
         scene = PreviewScene(
@@ -80,7 +78,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
             lobes,
             irradiance,
             visibility,
-            half_maps(repaint(spec, mesh, maps)),
+            half_maps(maps),
             spec.texturing,
             spec.specular,
             bool(manifest["terms"].get("energy_conservation", False)),

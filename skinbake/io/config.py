@@ -17,7 +17,7 @@ from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import DIFFUSION_METHODS, SceneSpec
 
 _PATH_KEYS = re.compile(
-    r"mesh\.path|occluders\[\d+\]\.(path|opacity)|maps\.\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"
+    r"mesh\.path|occluders\[\d+\]\.(path|opacity)|maps\.(?!source$|vertex_colors$)\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"
 )
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}")
 
@@ -110,7 +110,8 @@ def _refuse_missing(located: Located) -> None:
 def _refuse_unknown_color_spaces(located: Located) -> None:
     """Name the line of a colour space that nobody knows."""
     faults = []
-    maps, lights = located.value.get("maps") or {}, located.value["lights"]
+    maps, lights = located.value.get("maps"), located.value["lights"]
+    maps = maps if isinstance(maps, dict) else {}
     chosen: list[tuple[Key, Any]] = [(("maps", name), of) for name, of in maps.items()]
     for key, of in [*chosen, *((("lights", i), light) for i, light in enumerate(lights))]:
         space = of.get("color_space", "auto") if isinstance(of, dict) else "auto"
@@ -210,7 +211,8 @@ def put(located: Located, name: str, value: Any, place: str) -> None:
         else:
             if isinstance(target, dict) and not isinstance(target.get(index), dict | list):
                 kept = target.get(index)
-                target[index] = {"path": kept} if isinstance(kept, str) else {}
+                shorthand = "source" if key == ("maps",) else "path"
+                target[index] = {shorthand: kept} if isinstance(kept, str) else {}
                 located.places.setdefault(key, place)
             target = target[index]
 

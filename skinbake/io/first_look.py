@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, rasterize, uv_report
 from skinbake.errors import InputError
+from skinbake.io.mesh.gltf_file import GltfFile
+from skinbake.io.mesh.gltf_material import read_materials
 from skinbake.io.mesh.orientation import guess_orientation
 from skinbake.io.mesh.placement import placed
 from skinbake.io.mesh.raw_file import read_raw
@@ -94,7 +96,7 @@ def first_look(path: Path, look: Path) -> str:
         f"# {path.name}, as `skinbake init` understood it. `skinbake check {look.name}` says what a bake would meet."
     ]
     lines += _about(raw, mesh, chosen)
-    lines += [f"mesh: {{{', '.join(entries)}}}", *_maps(path, folder, chosen), f"texture: {{{texture}}}"]
+    lines += [f"mesh: {{{', '.join(entries)}}}", *_maps(path, folder, chosen, raw), f"texture: {{{texture}}}"]
     lines += [
         "skin: {preset: gpugems3-six-gaussians}  # or donner-three-layer, physiology-light, physiology-dark, ...",
         *_lights(mesh, front),
@@ -198,8 +200,10 @@ def _about(raw: RawMesh, mesh: SkinMesh, chosen: _Chosen) -> list[str]:
     return lines
 
 
-def _maps(path: Path, folder: Path, chosen: _Chosen) -> list[str]:
-    """Maps found beside the mesh by name, or a skin colour."""
+def _maps(path: Path, folder: Path, chosen: _Chosen, raw: RawMesh) -> list[str]:
+    """Maps in the mesh's own file, or found beside it by name, or a skin colour."""
+    if _has_own_uvs(chosen) and _materials_hold_maps(path, raw, chosen):
+        return ["maps: file  # base colour, normals and roughness of the file's own materials"]
     found = {role: file for role in MAP_WORDS if (file := _map_beside(path, role)) is not None}
     if not _has_own_uvs(chosen):
         found = {}
@@ -215,6 +219,20 @@ def _maps(path: Path, folder: Path, chosen: _Chosen) -> list[str]:
 def _has_own_uvs(chosen: _Chosen) -> bool:
     """Whether maps can have been painted for this mesh."""
     return not chosen.unwrap
+
+
+def _materials_hold_maps(path: Path, raw: RawMesh, chosen: _Chosen) -> bool:
+    """Whether the skin's materials have pictures of its colour that `maps: file` can take."""
+    if not raw.material:
+        return False
+    labels = chosen.skin or raw.labels
+    used = {index for index, label in zip(raw.material, raw.labels, strict=True) if label in labels}
+    try:
+        materials = read_materials(GltfFile(path), sorted(used), None)
+    except InputError:
+        return False
+    alike = {replace(material, name="") for material in materials}
+    return all(material.base_image is not None for material in materials) and (chosen.udim or len(alike) == 1)
 
 
 def _map_beside(path: Path, role: str) -> Path | None:

@@ -74,7 +74,7 @@ def read_maps(spec: MapsSpec, tiles: Sequence[int] = (FIRST_TILE,), charts: Char
             black = _black(stored)
             if black.any():
                 unpainted = unpainted | (black & ~charts(tile, black.shape))
-        return _filled(values, unpainted)
+        return filled(values, unpainted)
 
     files = {name: _files(name, of, tiles) for name, of in spec.files().items()}
     refuse_beyond_memory(
@@ -193,7 +193,7 @@ def read_radiance(
     values = _not_negative(path, values)
     if most is not None:
         np.minimum(values, np.float32(most), out=values)
-    return values if is_sky else _filled(values, _clear(stored))
+    return values if is_sky else filled(values, _clear(stored))
 
 
 def _limited(pixels: NDArray[Any], most: float) -> NDArray[Any]:
@@ -330,7 +330,7 @@ def _black(stored: StoredImage) -> Mask:
     return black
 
 
-def _filled(values: Image, unpainted: Mask) -> Image:
+def filled(values: Image, unpainted: Mask) -> Image:
     """Unpainted texels filled from the painted ones around them, level by level of an image pyramid."""
     import OpenImageIO as oiio
 

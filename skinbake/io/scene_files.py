@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +10,10 @@ from numpy.typing import NDArray
 from skinbake.atlas import on_charts, tiles_of
 from skinbake.errors import InputError
 from skinbake.io.environment import read_environments
-from skinbake.io.image import missing_tiles, read_maps
+from skinbake.io.image import read_maps
+from skinbake.io.look_maps import read_look_maps
 from skinbake.io.mesh import read_look_mesh
-from skinbake.io.repaint import painted_mesh, repaint
+from skinbake.io.repaint import painted_mesh
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.scene.mesh import SkinMesh
@@ -37,7 +37,7 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
         environments = pool.submit(read_environments, spec.lights)
         read: Future[SkinMesh] = Future()
         maps = None
-        if not spec.texture.udim:
+        if not spec.texture.udim and spec.maps.files():
 
             def charts(tile: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
                 return on_charts(read.result(), tile, shape)
@@ -56,6 +56,5 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
         builder = ThreadPoolExecutor(1)
         building = builder.submit(Occluder, mesh) if rays else None
         builder.shutdown(wait=False)
-        of_tiles = maps.result() if maps else read_maps(spec.maps, tiles, partial(on_charts, painted_mesh(mesh)))
-        notes = tuple(missing_tiles(spec.maps, tiles))
-        return SceneData(mesh, repaint(spec, mesh, of_tiles), environments.result(), building, notes)
+        found, notes = read_look_maps(spec, mesh, tiles, maps.result() if maps else None)
+        return SceneData(mesh, found, environments.result(), building, notes)

@@ -32,6 +32,10 @@ class SkinMesh:
         What each part of the file is called in messages.
     map_uv : ndarray of shape (F, 3, 2), optional
         The file's own UVs, for which maps were painted, where `corner_uv` was made anew.
+    corner_rgb : ndarray of shape (F, 3, 3), optional
+        Linear Rec.709 of coloured vertices; NaN where a triangle has none.
+    part_material : tuple of int
+        For each part of a glTF its material's index, -1 for none; empty for other files.
     casters : Casters, optional
         What rays meet besides the skin.
     notes : tuple of str
@@ -45,6 +49,8 @@ class SkinMesh:
     part: NDArray[np.int32] | None = None
     part_names: tuple[str, ...] = ()
     map_uv: Float | None = None
+    corner_rgb: Float | None = None
+    part_material: tuple[int, ...] = ()
     casters: Casters | None = None
     notes: tuple[str, ...] = ()
 

@@ -139,13 +139,25 @@ DetailMap = Annotated[DetailMapSpec, BeforeValidator(_path_as_map)]
 SKIN_RGB = (0.57, 0.34, 0.25)  # linear Rec.709, of light skin: sRGB 198 157 137
 
 
-class MapsSpec(Strict):
-    """Maps of the skin.
+def _file_as_source(value: Any) -> Any:
+    """The text `file` as the mapping it stands for."""
+    if isinstance(value, str) and value != "file":
+        raise ValueError("expected a mapping of maps, or file for those of the mesh's own materials")
+    return {"source": "file"} if value == "file" else value
 
+
+class MapsSpec(Strict):
+    """Maps of the skin; `maps: file` means `maps: {source: file}`.
+
+    `source: file` takes base colour, normals and roughness from the mesh's own glTF materials where no map is given
+    here. `vertex_colors: true` is the albedo that the mesh's vertices hold: linear in glTF, where it multiplies the
+    base colour of `source: file`, sRGB in PLY and OBJ.
     `albedo_rgb` is the constant linear albedo used where there is no albedo map; a skin colour where it is not given,
     and white where the colour is that of the scattering medium (`skin.normalise: none`).
     """
 
+    source: Literal["file"] | None = None
+    vertex_colors: bool = False
     albedo: Map | None = None
     albedo_rgb: tuple[Fraction, Fraction, Fraction] | None = None
     normal: NormalMap | None = None
@@ -153,6 +165,12 @@ class MapsSpec(Strict):
     specular: Map | None = None
     height: HeightMap | None = None
     detail: DetailMap | None = None
+
+    @model_validator(mode="after")
+    def _one_albedo(self) -> MapsSpec:
+        if self.vertex_colors and self.albedo:
+            raise ValueError("expected albedo or vertex_colors, got both")
+        return self
 
     @model_validator(mode="after")
     def _one_space(self) -> MapsSpec:
@@ -294,7 +312,7 @@ class SceneSpec(Strict):
 
     mesh: MeshSpec
     occluders: tuple[OccluderSpec, ...] = ()
-    maps: MapsSpec = MapsSpec()
+    maps: Annotated[MapsSpec, BeforeValidator(_file_as_source)] = MapsSpec()
     texture: TextureSpec = TextureSpec()
     skin: SkinSpec
     lights: Annotated[tuple[LightSpec, ...], Field(min_length=1, max_length=1024)]

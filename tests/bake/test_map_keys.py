@@ -39,18 +39,18 @@ def keys(tmp_path):
     for of in MAPS.values():
         (tmp_path / of["path"]).write_text("content")
 
-    def of(role=None, energy_conservation="on", **change):
-        maps = {name: dict(of) for name, of in MAPS.items()}
+    def of(role=None, energy_conservation="on", without=(), taken=None, **change):
+        maps = {name: dict(of) for name, of in MAPS.items() if name not in without}
         if role:
             maps[role] |= change
-        if maps["normal"].get("space") == "object":
+        if maps.get("normal", {}).get("space") == "object":
             maps = {name: of for name, of in maps.items() if name not in ("height", "detail")}
         for each in maps.values():
             each["path"] = str(tmp_path / each["path"])
         spec = SceneSpec.model_validate(
             {
                 "mesh": {"path": str(tmp_path / "m.obj"), "unit": "mm"},
-                "maps": maps,
+                "maps": maps | (taken or {}),
                 "skin": {"model": "gaussians", "variance_mm2": [1.0], "weight_rgb": [[1.0, 1.0, 1.0]]},
                 "lights": [{"name": "key", "type": "directional", "direction": [0, 0, -1], "irradiance": [1, 1, 1]}],
                 "terms": {"energy_conservation": energy_conservation, "transmission": "off"},
@@ -81,6 +81,17 @@ def test_a_changed_file_is_seen_and_its_place_is_not(keys, tmp_path, role):
     (tmp_path / MAPS[role]["path"]).write_text("other")
     after = keys()
     assert (after[0] != before[0], after[1] != before[1]) == (role != "albedo", role == "albedo")
+
+
+def test_what_the_mesh_s_own_file_holds_counts_where_no_map_is_named(keys):
+    """`source: file` changes the light by normals and roughness, lobes by the albedo; `vertex_colors` lobes alone."""
+    file = {"source": "file"}
+    assert keys(taken=file) == keys()  # a map is named for each
+    for role, (light, lobes) in {"albedo": (False, True), "normal": (True, False), "roughness": (True, False)}.items():
+        before, after = keys(without=[role]), keys(without=[role], taken=file)
+        assert (after[0] != before[0], after[1] != before[1]) == (light, lobes)
+    before, after = keys(without=["albedo"]), keys(without=["albedo"], taken={"vertex_colors": True})
+    assert (after[0] != before[0], after[1] != before[1]) == (False, True)
 
 
 def test_the_oil_s_maps_count_only_where_they_are_read(keys):

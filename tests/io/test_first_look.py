@@ -113,6 +113,27 @@ def test_maps_beside_the_mesh(tmp_path):
     assert maps.roughness is None
 
 
+def test_maps_of_the_file_itself(tmp_path, capsys):
+    """A GLB whose material has a picture of its colour: `maps: file`, which `check` reads; without one, a constant."""
+    made, _ = plain(sphere(120.0, "latlong", 12))
+    write_png(tmp_path / "skin.png", np.full((4, 4, 3), 128, np.uint8))
+    picture = made.image((tmp_path / "skin.png").read_bytes())
+    (tmp_path / "skin.png").unlink()
+    primitive = made.tree["meshes"][0]["primitives"][0]
+    primitive["material"] = made.material(name="Skin", pbrMetallicRoughness={"baseColorTexture": picture})
+    made.tree["nodes"][0]["scale"] = [0.001] * 3
+    (tmp_path / "me.glb").write_bytes(made.glb())
+    assert started(tmp_path, "me.glb").maps.source == "file"
+    capsys.readouterr()
+    assert run(["check", str(tmp_path / "me.yaml"), "--set", "texture.size=64"]) == 0
+    out = capsys.readouterr().out
+    assert "note      maps.albedo: of the material Skin: me.glb: image 0, 4 x 4\n" in out
+    assert "maps.albedo: none" not in out
+    del made.tree["materials"][0]["pbrMetallicRoughness"]
+    (tmp_path / "me.glb").write_bytes(made.glb())
+    assert started(tmp_path, "me.glb").maps.source is None
+
+
 def test_without_uvs_or_with_stacked_ones_a_layout_is_made(tmp_path):
     """And no map is taken from beside it."""
     write_png(tmp_path / "albedo.png", np.full((4, 4, 3), 128, np.uint8))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.mesh.gltf_file import GltfFile, as_numbers
+from skinbake.io.mesh.gltf_material import uv_of_material
 from skinbake.io.mesh.raw_mesh import RawMesh, joined, refuse_missing_vertices
 from skinbake.numerics import Float, safe_div
 
@@ -18,7 +19,6 @@ METRE = 1000.0
 TRIANGLES, STRIP, FAN = 4, 5, 6
 FLOAT32_NOISE = 1e-6  # a transform that differs less from none was none before it was written
 SAME_PLACE = 1e-5  # of the mesh's extent: how far skinning by other float32 weights may part one point
-TEXTURES = ("normalTexture", "occlusionTexture", "emissiveTexture")
 Primitive = dict[str, Any]
 
 
@@ -116,7 +116,7 @@ def _part(
     positions = read.morphed("POSITION", (3,), weights)
     normals = read.morphed("NORMAL", (3,), weights) if "NORMAL" in read else None
     material = file.item("materials", primitive["material"]) if "material" in primitive else {}
-    chosen, transform = _uv_of(material, uv_set)
+    chosen, transform = uv_of_material(material, uv_set)
     name = f"TEXCOORD_{chosen}"
     uv = read.morphed(name, (2,), weights) @ transform[:2, :2].T + transform[:2, 2] if name in read else None
 
@@ -134,6 +134,9 @@ def _part(
     corner_uv = np.zeros((len(faces), 3, 2))
     if uv is not None:
         corner_uv = np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)[faces]  # glTF has v down
+    rgb = read.numbers("COLOR_0", (3, 4))[:, :3] if "COLOR_0" in read else None
+    if rgb is not None and len(rgb) != len(positions):
+        raise InputError(f"{file.path}: expected {len(positions)} colours, one a vertex, got {len(rgb)}")
     names = tuple(str(owner["name"]) for owner in (entry, mesh, material) if owner.get("name"))
     return RawMesh(
         positions,
@@ -144,6 +147,8 @@ def _part(
         np.zeros(len(faces), np.int32),
         (tuple(dict.fromkeys(names)),),
         mm_per_unit=METRE,
+        corner_rgb=None if rgb is None else rgb[faces],
+        material=(int(primitive.get("material", -1)),),
     )
 
 
@@ -237,29 +242,6 @@ def strip_faces(index: NDArray[np.int64]) -> NDArray[np.int64]:
     faces[1::2] = faces[1::2][:, [1, 0, 2]]
     a, b, c = faces.T
     return faces[(a != b) & (b != c) & (c != a)]
-
-
-def _uv_of(material: dict[str, Any], uv_set: int | None) -> tuple[int, Float]:
-    """Which UV set is meant, and the KHR_texture_transform of the texture that reads it (in glTF's space, v down)."""
-    textures = [material.get("pbrMetallicRoughness", {}).get("baseColorTexture")]
-    textures += [material.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture")]
-    textures += [material.get(name) for name in TEXTURES]
-    for texture in textures:
-        if texture is None:
-            continue
-        extension = texture.get("extensions", {}).get("KHR_texture_transform", {})
-        of_texture = int(extension.get("texCoord", texture.get("texCoord", 0)))
-        if uv_set is None or of_texture == uv_set:
-            return of_texture, _texture_transform(extension)
-    return uv_set or 0, np.eye(3)
-
-
-def _texture_transform(extension: dict[str, Any]) -> Float:
-    angle = float(extension.get("rotation", 0.0))
-    cos, sin = np.cos(angle), np.sin(angle)
-    u, v = np.asarray(extension.get("scale", (1, 1)), dtype=np.float64)
-    du, dv = np.asarray(extension.get("offset", (0, 0)), dtype=np.float64)
-    return np.array([[cos * u, sin * v, du], [-sin * u, cos * v, dv], [0.0, 0.0, 1.0]])
 
 
 def _placed(

@@ -41,13 +41,35 @@ def read_look_mesh(spec: SceneSpec) -> SkinMesh:
         ignore=of.ignore,
     )
     painted = [name for name in ("albedo", "normal", "roughness", "specular") if getattr(maps, name) is not None]
-    if painted and spec.texture.unwrap != "none" and mesh.map_uv is None:
+    if painted:
+        refuse_unpainted(spec, mesh, f"maps.{painted[0]}")
+    return replace(
+        mesh,
+        corner_rgb=mesh.corner_rgb if maps.vertex_colors else None,
+        casters=joined_casters([*filter(None, [mesh.casters]), *map(read_occluder, spec.occluders)]),
+    )
+
+
+def refuse_unpainted(spec: SceneSpec, mesh: SkinMesh, key: str) -> None:
+    """Refuse a map where the only UVs are those that `texture.unwrap` has just made.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    mesh : SkinMesh
+    key : str
+        Of the map, for the message.
+
+    Raises
+    ------
+    InputError
+    """
+    if spec.texture.unwrap != "none" and mesh.map_uv is None:
         raise InputError(
-            f"{of.path}: maps.{painted[0]}: was painted for UVs that the mesh does not have: texture.unwrap makes a"
+            f"{spec.mesh.path}: {key}: was painted for UVs that the mesh does not have: texture.unwrap makes a"
             " layout that no map knows; unwrap the mesh in your tool, paint, and set texture.unwrap: none,"
             " or leave the maps out"
         )
-    return replace(mesh, casters=joined_casters([*filter(None, [mesh.casters]), *map(read_occluder, spec.occluders)]))
 
 
 def read_occluder(spec: OccluderSpec) -> Casters:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
+from skinbake.io.colour import srgb_to_linear
 from skinbake.io.mesh.polygons import triangulate
 from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.numerics import Float
@@ -24,6 +25,7 @@ ENCODINGS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (c
 NEWLINE, HASH, SLASH, WHITE = 10, ord("#"), ord("/"), 32  # all bytes up to WHITE separate words
 _CONTINUED = re.compile(rb"^[ \t]*(?:v|vt|vn|f)[ \t](?:[^\n]*\\\n)+", re.MULTILINE)
 _NAMED = {b"o": "o", b"g": "g", b"usemtl": "usemtl"}
+COLOURED = 6  # numbers of a vertex with a colour
 _KINDS = (("v", "vertex"), ("vt", "UV"), ("vn", "normal"))
 
 
@@ -49,7 +51,8 @@ def read_obj(path: Path) -> RawMesh:
         file does not hold; the message names the line.
     """
     lines = _lines_of(path, _plain(path.read_bytes()))
-    positions = _vectors(lines, 1, 3, 3)
+    vertices = _vectors(lines, 1, 3, _vertex_numbers(lines), np.nan)
+    positions, rgb = np.ascontiguousarray(vertices[:, :3]), vertices[:, 3:]
     uv = _vectors(lines, 2, 1, 2)
     normal = _vectors(lines, 3, 3, 3)
     sizes, corners = _corners(lines)
@@ -67,7 +70,17 @@ def read_obj(path: Path) -> RawMesh:
     has_uv = np.asarray(named.all(axis=1))
     if not has_uv.all():
         corner_uv[~has_uv] = 0.0
-    return RawMesh(positions, place[triangles].astype(np.int32), corner_uv, has_uv, corner_normal, part[polygon], names)
+    faces = place[triangles].astype(np.int32)
+    with np.errstate(over="ignore", invalid="ignore"):  # refused where they are asked for
+        corner_rgb = srgb_to_linear(rgb)[faces] if rgb.size else None
+    return RawMesh(positions, faces, corner_uv, has_uv, corner_normal, part[polygon], names, corner_rgb=corner_rgb)
+
+
+def _vertex_numbers(lines: _Lines) -> int:
+    """How many numbers of a vertex are wanted: 6 where a colour follows the position of the first one, else 3."""
+    first = np.flatnonzero(lines.kind == 1)[:1]
+    words = [bytes(lines.buffer[lines.start[k] : lines.end[k]]).split() for k in first.tolist()]
+    return COLOURED if words and len(words[0]) >= COLOURED else 3
 
 
 def _plain(data: bytes) -> bytes:
@@ -137,7 +150,7 @@ def _words(chunk: bytes) -> tuple[Bytes, NDArray[np.bool_], Index]:
     return buffer, begins, np.diff(count, prepend=0)
 
 
-def _vectors(lines: _Lines, kind: int, least: int, wanted: int) -> Float:
+def _vectors(lines: _Lines, kind: int, least: int, wanted: int, absent: float = 0.0) -> Float:
     """The first `wanted` numbers of each line of a kind, shape (N, wanted); a line may leave out those past `least`."""
     chunk = _chunk(lines, kind)
     if not chunk:
@@ -151,7 +164,7 @@ def _vectors(lines: _Lines, kind: int, least: int, wanted: int) -> Float:
         rows = numbers.reshape(-1, columns)[:, :wanted]
         return np.ascontiguousarray(rows)
     first = np.cumsum(count) - count
-    rows = np.zeros((len(count), wanted))
+    rows = np.full((len(count), wanted), absent)
     for column in range(wanted):
         there = count > column
         rows[there, column] = numbers[first[there] + column]

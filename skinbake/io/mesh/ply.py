@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
+from skinbake.io.colour import srgb_to_linear
 from skinbake.io.mesh.polygons import triangulate
 from skinbake.io.mesh.raw_mesh import RawMesh, refuse_missing_vertices
 from skinbake.numerics import Float
@@ -19,6 +20,7 @@ KINDS = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4"
          "float32": "f4", "float64": "f8"}  # fmt: skip
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 UV_NAMES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"))
+COLOURS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 LISTS = ("vertex_indices", "vertex_index")
 
 
@@ -47,6 +49,8 @@ def read_ply(path: Path) -> RawMesh:
     uv = next((_columns(vertex, *names) for names in UV_NAMES if all(n in vertex.scalars for n in names)), None)
     normal = _columns(vertex, "nx", "ny", "nz") if all(n in vertex.scalars for n in ("nx", "ny", "nz")) else None
 
+    rgb = _colours(vertex)
+
     with np.errstate(invalid="ignore"):  # indices written as NaN
         sizes, index, corner_uv = _polygons(path, elements)
     refuse_missing_vertices(path, index, len(positions))
@@ -66,7 +70,20 @@ def read_ply(path: Path) -> RawMesh:
         normal[faces] if normal is not None else np.zeros((len(faces), 3, 3)),
         np.zeros(len(faces), np.int32),
         ((),),
+        corner_rgb=rgb[faces] if rgb is not None else None,
     )
+
+
+def _colours(vertex: _Element) -> Float | None:
+    """Linear colours of the vertices, (V, 3): integers are fractions of their kind's largest, all of it sRGB."""
+    kinds = {name: kind for name, of_list, kind in vertex.properties if not of_list}
+    names = next((names for names in COLOURS if all(name in vertex.scalars for name in names)), None)
+    if names is None:
+        return None
+    kind = np.dtype(kinds[names[0]])
+    largest = np.iinfo(kind).max if kind.kind in "iu" else 1
+    with np.errstate(over="ignore", invalid="ignore"):  # refused where they are asked for
+        return srgb_to_linear(_columns(vertex, *names) / largest)
 
 
 def _columns(element: _Element, *names: str) -> Float:

@@ -35,6 +35,10 @@ class RawMesh:
         material. May be empty.
     mm_per_unit : float or None
         Where the format or the file says it.
+    corner_rgb : ndarray of shape (F, 3, 3), float64, or None
+        Linear Rec.709 of coloured vertices; NaN in parts that have none, None where no part has any.
+    material : tuple of int
+        For each part of a glTF its material's index, -1 for none; empty for other files.
     """
 
     positions: Float
@@ -45,6 +49,8 @@ class RawMesh:
     part: NDArray[np.int32]
     names: tuple[tuple[str, ...], ...]
     mm_per_unit: float | None = None
+    corner_rgb: Float | None = None
+    material: tuple[int, ...] = ()
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -90,4 +96,13 @@ def joined(meshes: Sequence[RawMesh]) -> RawMesh:
         np.concatenate([np.zeros(0, np.int32), *(m.part + np.int32(o) for m, o in zip(meshes, parts, strict=False))]),
         tuple(names for mesh in meshes for names in mesh.names),
         meshes[0].mm_per_unit if meshes else None,
+        _joined_colours(meshes),
+        tuple(index for mesh in meshes for index in mesh.material),
     )
+
+
+def _joined_colours(meshes: Sequence[RawMesh]) -> Float | None:
+    if all(mesh.corner_rgb is None for mesh in meshes):
+        return None
+    colours = [np.full((len(m.faces), 3, 3), np.nan) if m.corner_rgb is None else m.corner_rgb for m in meshes]
+    return np.concatenate(colours)

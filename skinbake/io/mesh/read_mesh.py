@@ -96,7 +96,16 @@ def skin_of(raw: RawMesh, skin: NDArray[np.bool_]) -> SkinMesh:
     missing = ~normal.any(axis=2)
     if missing.any():
         normal[missing] = smooth_vertex_normals(positions, faces)[faces[missing]]
-    return SkinMesh(positions, faces, chosen(raw.corner_uv), normal, chosen(raw.part), raw.labels)
+    return SkinMesh(
+        positions,
+        faces,
+        chosen(raw.corner_uv),
+        normal,
+        chosen(raw.part),
+        raw.labels,
+        corner_rgb=None if raw.corner_rgb is None else chosen(raw.corner_rgb),
+        part_material=raw.material,
+    )
 
 
 def casters_of(raw: RawMesh, cast: NDArray[np.bool_], flip_v: bool = False) -> Casters:
