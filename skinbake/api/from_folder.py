@@ -14,7 +14,7 @@ from skinbake.api.baked_skin import BakedSkin
 from skinbake.atlas import FIRST_TILE
 from skinbake.atlas.look_atlas import look_atlas
 from skinbake.diffuse import MeasuredError
-from skinbake.diffuse.scatter import albedo_of
+from skinbake.diffuse.light_entering import albedo_of
 from skinbake.errors import InputError
 from skinbake.io.exr import channel_of, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL

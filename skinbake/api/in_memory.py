@@ -15,7 +15,7 @@ from skinbake.baking.look_stages import look_stages, refuse_spoilt_look
 from skinbake.baking.memory_store import MemoryStore
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
-from skinbake.diffuse.scatter import albedo_of
+from skinbake.diffuse.light_entering import albedo_of
 from skinbake.io.config import load_look
 from skinbake.io.lobes import StoredLobe
 from skinbake.pipeline import Baked, Stages

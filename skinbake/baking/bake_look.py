@@ -73,7 +73,7 @@ def bake_look(
             manifest = manifest_of(inputs, results, log, baked)
             manifest["timings"]["total"] = time.perf_counter() - start
             finish_manifest(results, manifest)
-            report(log, baked)
+            report(log, baked, (manifest["error"] or {}).get("model"))
     log.say(f"done in {time.perf_counter() - start:.2f} s: {results.folder}")
     refuse_missed(spec, baked)
     return manifest

@@ -38,6 +38,6 @@ def diffuse_file(spec: SceneSpec, irradiance: str, force: bool = False, verbosit
         bake.results.finish_writing()
         manifest = manifest_of(bake.inputs, bake.results, bake.log, baked) | {"lights": list(maps[0].lights)}
         finish_manifest(bake.results, manifest)
-    report(bake.log, baked)
+    report(bake.log, baked, (manifest["error"] or {}).get("model"))
     refuse_missed(spec, baked)
     return manifest

@@ -14,10 +14,13 @@ from skinbake.io.lobes import lobe_name, stored_method
 from skinbake.io.manifest import portable_config
 from skinbake.machine import peak_memory_mib
 from skinbake.pipeline import Baked
+from skinbake.scene.decision import kept_of_any_light
 
 
 def finish_manifest(results: FolderStore, manifest: dict[str, Any]) -> None:
     """Write bake.json. Its seconds and memory are those that it took to make what is in the folder, over several runs.
+
+    What `truth` measured of the same lobes stays.
 
     A stage that was taken as it was keeps its seconds, and `total` is those and what else this run took; where nothing
     was left to do but reading, all seconds stay. The peak is the larger one, unless both light and lobes are new.
@@ -32,6 +35,9 @@ def finish_manifest(results: FolderStore, manifest: dict[str, Any]) -> None:
         seconds |= kept
     if "irradiance" in reused or "diffuse" in reused:
         manifest["peak_memory_mib"] = max(manifest["peak_memory_mib"], results.before.get("peak_memory_mib", 0.0))
+    model = (results.before.get("error") or {}).get("model")
+    if model and "diffuse" in reused:
+        manifest["error"] = (manifest["error"] or {}) | {"model": model}
     results.finish(manifest)
 
 
@@ -72,6 +78,8 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
         "texturing": spec.texturing.model_dump(),
         "terms": {
             "energy_conservation": baked.decisions.energy_conservation.enabled,
+            "incidence": kept_of_any_light(baked.plan, "incidence"),
+            "interreflection": kept_of_any_light(baked.plan, "interreflection"),
             "transmission": any(lobe.transmitted for lobe in baked.diffuse.lobes),
         },
         "timings": dict(log.seconds),

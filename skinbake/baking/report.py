@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from skinbake.baking.stage_log import StageLog
 from skinbake.errors import ToleranceMissedError
 from skinbake.pipeline import Baked
 from skinbake.scene.spec import SceneSpec
 
 
-def report(log: StageLog, baked: Baked) -> None:
-    """The plan and the measured error, on the terminal."""
+def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None) -> None:
+    """The plan and the measured errors, on the terminal: the blur's, and the model's where `truth` has measured it.
+
+    Parameters
+    ----------
+    log : StageLog
+    baked : Baked
+    model : mapping, optional
+        The manifest's `error.model`.
+    """
     for line in baked.plan:
         log.say(f"  {'+' if line.enabled else '-'} {line.term:<20} {line.why}")
     if baked.diffuse.error:
         e = baked.diffuse.error
         log.say(
-            f"  error against the surface integral, {e.probes} probes: "
+            f"  the blur's error, against the surface integral of the same Gaussians, {e.probes} probes: "
             f"rms {e.rms:.3%}, p95 {e.p95:.3%}, max {e.max:.3%} (method {e.method:.3%}, storage {e.storage:.3%})"
         )
+    if model:
+        log.say(
+            f"  the model's error, against light transport, {model['points']} points: "
+            f"rms {model['rms']:.1%} +- {model['stderr']:.1%} (skinbake truth)"
+        )
+    else:
+        log.say("  the model's error, against light transport: not measured; skinbake truth LOOK does")
 
 
 def refuse_missed(spec: SceneSpec, baked: Baked) -> None:

@@ -207,29 +207,30 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
         Probes of another texture size instead.
     """
     from skinbake.atlas.look_atlas import look_atlas
+    from skinbake.baking.incidence_table import incidence_table
     from skinbake.diffuse.draw_probes import draw_probes
+    from skinbake.diffuse.light_entering import light_entering
     from skinbake.diffuse.methods import REFERENCE, LobeParameters
     from skinbake.diffuse.probes import Probes, read_at_probes
     from skinbake.diffuse.resources import LobeResources
-    from skinbake.diffuse.scatter import albedo_of
     from skinbake.diffuse.skin_geometry import SkinGeometry
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.irradiance.decide import decide
     from skinbake.irradiance.light_skin import light_skin
     from skinbake.profile import fit_skin
+    from skinbake.profile.skin_medium import skin_medium
 
     scene = read_scene(spec)
     path = getattr(spec.skin, "path", None)
     gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians
     atlas = look_atlas(spec.texture, scene.mesh)
-    irradiance = light_skin(spec, decide(spec), scene, atlas)
-    exponent = np.float32(spec.texturing.exponent_before)
-    source = {
-        raster.tile: (tile.total[None] * albedo_of(scene.maps, raster, scene.mesh) ** exponent)
-        for tile, raster in zip(irradiance, atlas, strict=True)
-    }
-    del irradiance
+    decisions, medium = decide(spec), skin_medium(spec.skin)
+    irradiance = light_skin(spec, decisions, scene, atlas)
+    incidence = incidence_table(medium) if medium.layers and spec.terms.incidence != "off" else medium.why
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, incidence).rgb
+    source = {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in entering.items()}
+    del irradiance, entering
     geometry = SkinGeometry(atlas, scene.mesh)
     resources = LobeResources(source, geometry, spec.diffusion)
     if at is None:

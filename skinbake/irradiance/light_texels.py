@@ -16,7 +16,6 @@ from skinbake.irradiance.oil_albedo import specular_albedo_table
 from skinbake.irradiance.punctual_light import colour, emitter, unshadowed
 from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
-from skinbake.irradiance.slant import Slant, apply_slant
 from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
@@ -43,7 +42,6 @@ def light_texels(
     seed: int = 0,
     tolerance: float = 0.01,
     occluder: Occluder | None = None,
-    slant: Slant | None = None,
     rounded: Callable[[Image], NDArray[np.floating]] = lambda image: image,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of each light at each texel, one map a tile.
@@ -71,8 +69,6 @@ def light_texels(
         Rms error of an environment's light, by which its plan is made.
     occluder : Occluder, optional
         The mesh's, where somebody has one already.
-    slant : Slant, optional
-        Multiplies by what more comes back of light that enters at a slant; theory.md 9.5.
     rounded : callable
         Takes a light's (H, W, 4), irradiance and unshadowed share, and gives what is to be kept of it before the next
         is computed in its place: with halves, only one light's floats are in memory.
@@ -104,8 +100,6 @@ def light_texels(
                 light_environment(surface, occluder, skies[light.name], table, specular.f0, lit)
             else:
                 _light_one(surface, occluder, light, casts, table, specular.f0, lit)
-            if slant is not None:
-                apply_slant(surface, occluder, light, slant, lit)
             kept = rounded(lit)
             found.append(lit.copy() if kept is lit else kept)
         del surface, lit

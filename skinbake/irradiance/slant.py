@@ -6,21 +6,20 @@ reference that the profile's total stands for (theory.md 9.5).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.raster import NO_FACE, AtlasRaster
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.punctual_light import DIRECTIONAL, POINT, emitter, towards
 from skinbake.irradiance.shadow_origin import point_of
-from skinbake.irradiance.surface import TexelSurface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
 from skinbake.profile.incidence import Incidence
+from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 
 Image = NDArray[np.float32]
@@ -47,21 +46,41 @@ def slant_of(incidence: Incidence, reference_rgb: Float) -> Slant:
     return Slant(safe_div(incidence.reflectance_rgb, reference_rgb), safe_div(incidence.diffuse_rgb, reference_rgb))
 
 
-def slant_rms(slant: Slant, lights: Sequence[LightSpec]) -> float:
-    """Error of leaving the factors out, relative rms: of lamps over skin that is turned every way, of skies their mean.
+def slant_rms(slant: Slant, light: LightSpec) -> float:
+    """Error of leaving the factors out, relative rms: of a lamp over skin that is turned every way, of a sky its mean.
 
-    The largest of the lights'.
+    Parameters
+    ----------
+    slant : Slant
+    light : LightSpec
     """
+    if isinstance(light, EnvironmentLight):
+        return float(np.sqrt(((slant.diffuse_rgb - 1) ** 2).mean()))
     cosine = np.linspace(0, 1, len(slant.factor_rgb))[:, None]
     # Irradiance is proportional to the cosine; a ball shows each cosine on an equal area
     error = np.sqrt((((slant.factor_rgb - 1) * cosine) ** 2).sum(axis=0) / (cosine**2).sum())
-    lamps = float(np.sqrt((error**2).mean()))
-    skies = float(np.sqrt(((slant.diffuse_rgb - 1) ** 2).mean()))
-    found = {skies if isinstance(light, EnvironmentLight) else lamps for light in lights}
-    return max(found, default=0.0)
+    return float(np.sqrt((error**2).mean()))
 
 
-def apply_slant(surface: TexelSurface, occluder: Occluder, light: LightSpec, slant: Slant, out: Image) -> None:
+def decide_incidence(light: LightSpec, slant: Slant, switch: str, tolerance: float) -> Decision:
+    """Whether the factors of the slant are worth it for a light.
+
+    Parameters
+    ----------
+    light : LightSpec
+    slant : Slant
+    switch : "auto" or "on"
+    tolerance : float
+    """
+    rms = slant_rms(slant, light)
+    which = "from everywhere" if isinstance(light, EnvironmentLight) else "at a slant"
+    why = f"{switch}: light {which} comes back otherwise by {rms:.2%} (rms), tolerance {tolerance:.2%}"
+    return Decision(f"{light.name}.incidence", switch == "on" or rms > tolerance, why)
+
+
+def apply_slant(
+    raster: AtlasRaster, normal: Image, occluder: Occluder, light: LightSpec, slant: Slant, out: Image
+) -> None:
     """Multiply one light's irradiance by the factors of the slants at which it enters.
 
     Exact for directional, point and spot lights; of a rectangle the direction of its middle counts, and a sky comes
@@ -69,22 +88,23 @@ def apply_slant(surface: TexelSurface, occluder: Occluder, light: LightSpec, sla
 
     Parameters
     ----------
-    surface : TexelSurface
+    raster : AtlasRaster
+    normal : ndarray of shape (H, W, 3)
+        As the light was computed with.
     occluder : Occluder
     light : LightSpec
     slant : Slant
-    out : ndarray of shape (H, W, 4), changed in place
+    out : ndarray of shape (H, W, 3), float32, changed in place
     """
     if isinstance(light, EnvironmentLight):
-        out[..., :3] *= slant.diffuse_rgb.astype(np.float32)
+        out *= slant.diffuse_rgb.astype(np.float32)
         return
     if isinstance(light, RectangleLight):
         source = np.array([POINT, *(light.position_mm - occluder.centre_mm), 0, 0, 0, -2, -3, 0], np.float64)
     else:
         source = emitter(light, occluder.centre_mm)
-    raster = surface.raster
     parallel_for(
-        _multiply, len(out), source, raster.face_index, raster.barycentric, surface.subdivided, surface.normal,
+        _multiply, len(out), source, raster.face_index, raster.barycentric, occluder.subdivided, normal,
         np.ascontiguousarray(slant.factor_rgb), out,
     )  # fmt: skip
 
@@ -103,7 +123,7 @@ def _multiply(first, stop, source, face_index, barycentric, subdivided, normal, 
     subdivided : SubdividedMesh
     normal : ndarray of shape (H, W, 3)
     factor_rgb : ndarray of shape (n, 3)
-    out : ndarray of shape (H, W, 4)
+    out : ndarray of shape (H, W, 3)
     """
     last = factor_rgb.shape[0] - 1
     for row in range(first, stop):

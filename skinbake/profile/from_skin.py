@@ -52,12 +52,12 @@ def profile_of(
             return BetterDipoleProfile(BetterDipole(medium, skin.eta))
         return DipoleProfile(medium, skin.eta, skin.boundary)
     if isinstance(skin, MultipoleSkin):
-        return LayeredProfile(tuple(map(_layer, skin.layers)), boundary=skin.boundary, thin_layers=skin.thin_layers)
+        return LayeredProfile(tuple(map(as_layer, skin.layers)), boundary=skin.boundary, thin_layers=skin.thin_layers)
     if isinstance(skin, TransportSkin):
         from skinbake.profile.transport import trace_layers
 
         return trace_layers(
-            tuple(map(_layer, skin.layers)), photons or skin.photons, skin.seed if seed is None else seed
+            tuple(map(as_layer, skin.layers)), photons or skin.photons, skin.seed if seed is None else seed
         )
     if isinstance(skin, PhysiologySkin):
         from skinbake.profile.physiology import physiological_layers
@@ -88,7 +88,7 @@ def given_gaussians(skin: GaussiansSkin) -> GaussianSum:
     return GaussianSum(variance, weight, np.zeros(3), weight.sum(axis=0), "gaussians", "none")
 
 
-def _layer(spec: LayerSpec) -> Layer:
+def as_layer(spec: LayerSpec) -> Layer:
     """Layer that a configuration's layer describes."""
     thickness = np.inf if isinf(spec.thickness_mm) else spec.thickness_mm
     return Layer(Medium(np.array(spec.sigma_a_per_mm), np.array(spec.sigma_sp_per_mm)), thickness, spec.eta, spec.g)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +41,11 @@ class Decision:
             The mapping is not such a line.
         """
         return Decision(record["term"], record["kept"], record["why"])
+
+
+def kept_of_any_light(plan: Iterable[Decision], term: str) -> bool:
+    """Whether a term that is decided light by light, as `NAME.term`, is computed for any of them."""
+    return any(line.enabled for line in plan if line.term.endswith(f".{term}"))
 
 
 @dataclass(frozen=True)

@@ -270,9 +270,12 @@ Switch = Annotated[Literal["auto", "on", "off"], BeforeValidator(_switch)]
 
 
 class TermsSpec(Strict):
-    """Terms that only some scenes need."""
+    """Terms that only some scenes need. `bounces` of light from skin to skin, where `interreflection` is on."""
 
     energy_conservation: Switch = "auto"
+    incidence: Switch = "auto"
+    interreflection: Switch = "auto"
+    bounces: Annotated[int, Field(ge=1, le=16)] = 1
     transmission: Switch = "auto"
 
 

@@ -65,3 +65,34 @@ def test_the_order_of_the_lights_is_part_of_what_holds_several(stages):
     assert first.irradiance.light_keys == turned.irradiance.light_keys
     assert first.irradiance.key() != turned.irradiance.key()
     assert first.diffuse.key() != turned.diffuse.key()
+
+
+MEDIUM = "skin={model: dipole, sigma_a_per_mm: [0.03, 0.2, 0.5], sigma_sp_per_mm: [0.7, 0.9, 1.0], eta: %s}"
+
+
+def test_a_medium_is_in_the_key_of_what_is_blurred_where_incidence_reads_it(stages):
+    """Not in the light's: another skin does not trace it anew."""
+
+    def of(eta, *terms):
+        found = stages(MEDIUM % eta, *terms)
+        gaussians = stages().profile.result()  # the same for all
+        return found.irradiance.key(), found.diffuse._key(gaussians)
+
+    first, other = of(1.3), of(1.4)
+    assert first[0] == other[0]
+    assert first[1] != other[1]
+    assert of(1.3, "terms.incidence=off")[1] == of(1.4, "terms.incidence=off")[1]
+    assert len({of(1.3, f"terms.incidence={word}")[1] for word in ("auto", "on", "off")}) == 3
+
+
+def test_light_between_skin_reads_the_albedo_and_the_number_of_bounces(stages):
+    """With post-scatter texturing nothing else does."""
+
+    def key(*changes):
+        found = stages("texturing.mode=post-scatter", "terms.transmission=off", *changes)
+        return found.diffuse._key(stages().profile.result())
+
+    red = "maps.albedo_rgb=[0.9, 0.4, 0.3]"
+    assert key() != key(red)
+    assert key("terms.interreflection=off") == key("terms.interreflection=off", red)
+    assert key() != key("terms.bounces=2")

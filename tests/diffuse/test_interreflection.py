@@ -6,7 +6,7 @@ import pytest
 from skinbake.atlas import rasterize
 from skinbake.diffuse.terms.interreflection import (
     NOTHING,
-    at_full_size,
+    add_at_full_size,
     bounced_light,
     decide_interreflection,
     look_around,
@@ -86,9 +86,11 @@ def test_reading_at_the_full_size_keeps_a_plane():
     """Bilinear: a constant stays one, texels outside every chart stay 0."""
     mesh = plates()
     raster = rasterize(mesh, SIZE, 4)[0]
-    found = at_full_size(np.full((2, 12, 12, 3), 0.25, np.float32), raster)
-    assert (found[:, raster.addressed] == 0.25).all()
-    assert not found[:, ~raster.addressed].any()
+    found = np.zeros((*raster.shape, 3), np.float32)
+    found[raster.addressed] = 1
+    add_at_full_size(np.full((12, 12, 3), 0.25, np.float32), raster, found)
+    assert (found[raster.addressed] == 1.25).all()
+    assert not found[~raster.addressed].any()
 
 
 def test_auto_asks_whether_it_is_worth_it():
@@ -97,16 +99,18 @@ def test_auto_asks_whether_it_is_worth_it():
     for mesh, kept in ((cavity(), True), (sphere(40.0, "cube", 48), False)):
         atlas = rasterize(mesh, SIZE, 4)
         occluder = Occluder(mesh)
-        light = [np.ones((1, *SIZE, 3), np.float32)]
+        light = [np.stack([np.ones((*SIZE, 3)), np.zeros((*SIZE, 3))]).astype(np.float32)]
 
         def decide(switch, of=(mesh, occluder, light, atlas)):
-            return decide_interreflection(of[0], of[1], of[2], [0.5 * white], of[3], False, switch, 0.01)
+            return decide_interreflection(
+                of[0], of[1], ("sun", "none"), of[2], [0.5 * white], of[3], False, switch, 0.01
+            )
 
-        decision = decide("auto")
-        assert decision.enabled == kept
-        assert ("50.00% of the light" in decision.why) == kept
-        assert decide("on").enabled
-        assert not decide("off").enabled
+        sun, none = decide("auto")
+        assert (sun.term, sun.enabled, none.enabled) == ("sun.interreflection", kept, False)
+        assert ("50.00% of its light" in sun.why) == kept
+        assert all(line.enabled for line in decide("on"))
+        assert not any(line.enabled for line in decide("off"))
 
 
 def test_bounces_below_one_are_refused():

@@ -186,6 +186,21 @@ def test_bare_on_and_off_are_switches(look):
     """YAML reads a bare `on` as true; the look means the word."""
     spec = read(look(LOOK + "terms: {energy_conservation: on, transmission: off}\n"))
     assert (spec.terms.energy_conservation, spec.terms.transmission) == ("on", "off")
+    assert (spec.terms.incidence, spec.terms.interreflection, spec.terms.bounces) == ("auto", "auto", 1)
+    spec = read(look(LOOK + "terms: {incidence: on, interreflection: off, bounces: 3}\n"))
+    assert (spec.terms.incidence, spec.terms.interreflection, spec.terms.bounces) == ("on", "off", 3)
+
+
+@pytest.mark.parametrize(
+    ("term", "said"),
+    [("incidence: maybe", "'auto', 'on' or 'off', got 'maybe'"), ("bounces: 0", "a number >= 1, got 0")],
+)
+def test_a_term_that_is_no_switch_is_refused(look, term, said):
+    """With its line and its key."""
+    found = faults(look(LOOK + f"terms: {{{term}}}\n"))
+    assert len(found) == 1
+    assert f"terms.{term.split(':')[0]}: " in found[0]
+    assert said in found[0]
 
 
 def test_presets_are_looked_up_by_name_and_can_be_changed(look):

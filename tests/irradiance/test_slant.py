@@ -5,7 +5,9 @@ import pytest
 
 from skinbake.atlas import rasterize
 from skinbake.irradiance import light_texels
-from skinbake.irradiance.slant import Slant, slant_of, slant_rms
+from skinbake.irradiance.normal_map import shading_normals
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.slant import Slant, apply_slant, decide_incidence, slant_of, slant_rms
 from skinbake.profile.incidence import Incidence, reflect_slanted
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
@@ -19,9 +21,12 @@ SLANT = Slant(np.stack([1 + COSINE, 2 - COSINE, 0 * COSINE + 3], axis=1), np.arr
 
 def lit(light, slant=None, height=0.0):
     """Irradiance of a square at the middle texel, with and without the factors."""
-    mesh = quad(20.0, 20.0, height)
-    atlas = rasterize(mesh, (9, 9), 0)
-    return light_texels(atlas, mesh, SkinMaps({}, {}, {}, {}), [light], slant=slant)[0].rgb[0, 4, 4].astype(float)
+    mesh, maps = quad(20.0, 20.0, height), SkinMaps({}, {}, {}, {})
+    (raster,) = atlas = rasterize(mesh, (9, 9), 0)
+    rgb = light_texels(atlas, mesh, maps, [light])[0].rgb[0]
+    if slant is not None:
+        apply_slant(raster, shading_normals(raster, mesh, maps)[1], Occluder(mesh), light, slant, rgb)
+    return rgb[4, 4].astype(float)
 
 
 @pytest.mark.parametrize("mu", [1.0, 0.6, 0.1])
@@ -67,9 +72,14 @@ def test_the_deciding_number_is_the_error_on_a_ball():
     fine = np.linspace(0, 1, 2001)
     slant = Slant(np.stack([1 + fine, 2 - fine, 0 * fine + 3], axis=1), np.ones(3))
     sun = DirectionalLight(type="directional", name="s", direction=(0.0, 0.0, -1.0), irradiance=(1.0, 1.0, 1.0))
-    assert abs(slant_rms(slant, [sun]) - np.sqrt((want**2).mean())) < 0.01
+    assert abs(slant_rms(slant, sun) - np.sqrt((want**2).mean())) < 0.01
     sky = EnvironmentLight(type="environment", name="k", radiance=(1.0, 1.0, 1.0))
-    assert slant_rms(slant, [sky]) == 0
-    assert slant_rms(slant, []) == 0
+    assert slant_rms(slant, sky) == 0
     same = slant_of(Incidence(COSINE, np.full((5, 3), 0.3), np.full(3, 0.3)), np.full(3, 0.3))
-    assert slant_rms(same, [sun, sky]) < 1e-12
+    assert max(slant_rms(same, sun), slant_rms(same, sky)) < 1e-12
+    plain = decide_incidence(sun, same, "auto", 0.01)
+    assert (plain.term, plain.enabled) == ("s.incidence", False)
+    assert decide_incidence(sun, same, "on", 0.01).enabled
+    kept = decide_incidence(sun, slant, "auto", 0.01)
+    assert kept.enabled
+    assert f"{slant_rms(slant, sun):.2%}" in kept.why

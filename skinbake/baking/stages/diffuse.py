@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from skinbake.baking.incidence_table import incidence_table
 from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
@@ -14,6 +15,8 @@ from skinbake.io.digests import key_of
 from skinbake.io.lobes import as_stored_lobes
 from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
+from skinbake.profile.incidence import Incidence
+from skinbake.profile.skin_medium import skin_medium
 
 if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
@@ -60,6 +63,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             spec.diffusion.model_dump(mode="json"),
             spec.terms.transmission,
             self._albedo_before(),
+            self._entering(gaussians),
             # The albedo's mean decides there, and casters are in the way
             self._inputs.key("albedo", OCCLUDERS) if spec.terms.transmission != "off" else None,
             (spec.output.precision, spec.output.compression, spec.output.lights, spec.output.seed),
@@ -70,12 +74,35 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         before = self._inputs.spec.texturing.exponent_before
         return before, self._inputs.key("albedo") if before else None
 
+    def _entering(self, gaussians: GaussianSum) -> list[Any]:
+        """What the terms `incidence` and `interreflection` read besides the light, its maps and the mesh."""
+        inputs, spec = self._inputs, self._inputs.spec
+        terms, total = spec.terms, gaussians.weight_rgb.sum(axis=0).tolist()
+        incidence = interreflection = None
+        if terms.incidence != "off":
+            medium = skin_medium(spec.skin)
+            incidence = (terms.incidence, medium.identity, medium.why, spec.skin.normalise, total)
+        if terms.interreflection != "off":
+            oil = inputs.decisions.energy_conservation.enabled, spec.specular.model_dump(mode="json")
+            interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))
+        return [incidence, interreflection]
+
+    def _incidence(self) -> Incidence | str:
+        """R(mu) of the skin's medium, or why it is not known."""
+        if self._inputs.spec.terms.incidence == "off":
+            return "off"
+        if self._irradiance.light_keys is None:
+            return "the irradiance was given, and with it no directions"
+        medium = skin_medium(self._inputs.spec.skin)
+        return incidence_table(medium, self._say) if medium.layers else medium.why
+
     @property
     def inputs_read(self) -> dict[str, str]:
         """Digests of the files that are read for it, by role."""
         spec, digests = self._inputs.spec, self._inputs.digests
         own = {"mesh", "skin", *self._irradiance.inputs_read}
-        if spec.texturing.exponent_before or spec.terms.transmission != "off":
+        terms = spec.terms
+        if spec.texturing.exponent_before or terms.transmission != "off" or terms.interreflection != "off":
             own.add("albedo")
         return {role: digest for role, digest in digests.items() if role in own}
 
@@ -94,22 +121,31 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             self._raster.result(),
             irradiance,
             gaussians,
+            self._incidence(),
             say=self._say,
-            remember=self._memoize(self._irradiance.light_keys),
+            remember=self._memoize(self._irradiance.light_keys, self._entering(gaussians)),
         )
 
-    def _memoize(self, light_keys: Mapping[str, str] | None) -> Any:
+    def _memoize(self, light_keys: Mapping[str, str] | None, entering: list[Any]) -> Any:
         cache = self._results.cache
         if cache is None or light_keys is None or not self._inputs.decisions.separate_lights:
             return None
 
         def remember(kind: Any, names: tuple[str, ...], make: Any) -> Any:
-            return cache.get_many({name: self._blur_key(light_keys[name], kind) for name in names}, make)
+            return cache.get_many({name: self._blur_key((light_keys[name], entering), kind) for name in names}, make)
 
         return remember
 
-    def _blur_key(self, light: str, kind: tuple[Any, ...]) -> str:
-        """Digest of one light's lobe, or its values at probes: `light` is its irradiance's key, `kind` says how."""
+    def _blur_key(self, light: tuple[str, list[Any]], kind: tuple[Any, ...]) -> str:
+        """Digest of one light's lobe, or its values at probes.
+
+        Parameters
+        ----------
+        light : (str, list)
+            Its irradiance's key, and what the terms make of it.
+        kind : tuple
+            How it is blurred.
+        """
         spec = self._inputs.spec
         return key_of(
             code_digest(__name__),

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, face_mm_per_texel, rasterize
+from skinbake.atlas.raster import NO_FACE
 from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits, skin_points
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
@@ -97,6 +98,12 @@ def look_around(
     return SkinView(atlas, *(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
+def receivers(tolerance: float) -> tuple[float, tuple[int, int]]:
+    """Width of the texels that receive, mm, and their rays (`look_around`), by the error that may be made."""
+    coarser = float(np.clip(np.sqrt(tolerance / 0.01), 0.5, 3.0))
+    return RECEIVER_MM * coarser, (max(16, round(LOOKING / coarser)), max(32, round(MORE / coarser)))
+
+
 def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1) -> list[Image]:
     """Irradiance that skin gets from skin, at the small texels, (L, h, w, 3) a tile in the atlas's order.
 
@@ -142,23 +149,28 @@ def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Ima
 def decide_interreflection(
     mesh: SkinMesh,
     occluder: Occluder,
+    names: Sequence[str],
     light: Sequence[Image],
     reflected: Sequence[Image],
     atlas: Atlas,
     udim: bool,
     switch: str,
     tolerance: float,
-) -> Decision:
-    """Whether skin lights skin by more than the tolerance; `auto` looks from a few texels with a few rays.
+) -> list[Decision]:
+    """Whether skin lights skin by more than the tolerance, a line a light.
+
+    `auto` looks from a few texels with a few rays, the same for all lights.
 
     Parameters
     ----------
     mesh : SkinMesh
     occluder : Occluder
+    names : sequence of L str
+        Of the lights.
     light : sequence of ndarray of shape (L, H, W, 3)
         Irradiance, by tile.
     reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
-        What of it leaves as M.
+        What of it arrives again where it falls on skin.
     atlas : Atlas
         The full one.
     udim : bool
@@ -166,32 +178,37 @@ def decide_interreflection(
     tolerance : float
     """
     if switch == "off":
-        return Decision("interreflection", False, "off")
-    arrived, bounced, skin_mm2 = 0.0, 0.0, 0.0
+        return [Decision("interreflection", False, "off")]
+    arrived, bounced = np.zeros(len(names)), np.zeros(len(names))
     height, width = atlas[0].shape
-    chosen = []
-    for raster in atlas:
+    for raster, image in zip(atlas, light, strict=True):
         area = np.cumsum(raster.area_mm2.ravel(), dtype=np.float64)
+        if area[-1] <= 0:
+            continue
         places = (np.arange(ESTIMATED) + 0.5) / ESTIMATED * area[-1]
-        chosen.append(np.minimum(np.searchsorted(area, places), len(area) - 1) if area[-1] > 0 else np.zeros(0, int))
-    for raster, flat, image in zip(atlas, chosen, light, strict=True):
+        flat = np.minimum(np.searchsorted(area, places), len(area) - 1)
         rows, cols = np.divmod(flat, width)
         point, normal = skin_points(raster, mesh, occluder, rows, cols)
         seen_tile, seen = _trace(mesh, occluder, (width, height), udim, point, normal, flat, 0, ESTIMATE_RAYS)
-        got = np.zeros((len(flat), 3))
+        got = np.zeros((len(names), len(flat), 2, 3))  # of the even rays and of the odd ones
         for k, (other, colour) in enumerate(zip(light, reflected, strict=True)):
-            hit = (seen != NOTHING) & (seen_tile == k)
-            total = other.reshape(len(other), -1, 3)[:, seen[hit]].sum(axis=0, dtype=np.float64)
-            sent = total * np.broadcast_to(colour, (height, width, 3)).reshape(-1, 3)[seen[hit]]
-            np.add.at(got, np.nonzero(hit)[0], sent / ESTIMATE_RAYS)
-        direct = image.reshape(len(image), -1, 3)[:, flat].sum(axis=0, dtype=np.float64)
-        share = float(raster.area_mm2.sum(dtype=np.float64)) / max(len(flat), 1)
-        arrived, bounced = arrived + share * float((direct**2).sum()), bounced + share * float((got**2).sum())
-        skin_mm2 += share
-    rms = float(np.sqrt(bounced / arrived)) if arrived > 0 else 0.0
-    kept = switch == "on" or rms > tolerance
-    why = f"{switch}: skin lights skin with {rms:.2%} of the light (rms), tolerance {tolerance:.2%}"
-    return Decision("interreflection", kept, why)
+            texel, ray = np.nonzero((seen != NOTHING) & (seen_tile == k))
+            at = np.divmod(seen[texel, ray], width)
+            sent = other[:, at[0], at[1]].astype(np.float64)
+            sent *= np.broadcast_to(colour, (height, width, 3))[at]
+            for total, each in zip(got, sent, strict=True):
+                np.add.at(total, (texel, ray % 2), each * (2 / ESTIMATE_RAYS))
+        direct = image[:, rows, cols].astype(np.float64)
+        share = area[-1] / len(flat)
+        arrived += share * (direct**2).sum(axis=(1, 2))
+        # The product of two halves is, on average, the square without the rays' own noise
+        bounced += share * (got[:, :, 0] * got[:, :, 1]).sum(axis=(1, 2))
+    found = []
+    for name, lit, got_light in zip(names, arrived, bounced, strict=True):
+        rms = float(np.sqrt(max(got_light, 0) / lit)) if lit > 0 else 0.0
+        why = f"{switch}: skin lights skin with {rms:.2%} of its light (rms), tolerance {tolerance:.2%}"
+        found.append(Decision(f"{name}.interreflection", switch == "on" or rms > tolerance, why))
+    return found
 
 
 def _trace(
@@ -291,46 +308,44 @@ def _fitted(colour: Image, shape: tuple[int, ...]) -> Image:
     return colour[rows][:, cols]
 
 
-def at_full_size(small: Image, raster: AtlasRaster) -> Image:
-    """Bounced light at the addressed texels of the full texture, (L, H, W, 3), read bilinearly; 0 elsewhere.
+def add_at_full_size(small: Image, raster: AtlasRaster, out: Image) -> None:
+    """Add bounced light to the addressed texels of the full texture, read bilinearly.
 
     Parameters
     ----------
-    small : ndarray of shape (L, h, w, 3)
+    small : ndarray of shape (h, w, 3)
     raster : AtlasRaster
         The full one.
+    out : ndarray of shape (H, W, 3), float32, added to
     """
-    out = np.zeros((len(small), *raster.shape, 3), np.float32)
-    parallel_for(_enlarge, raster.shape[0], small, raster.addressed, out)
-    return out
+    parallel_for(_enlarge, raster.shape[0], small, raster.face_index, out)
 
 
 @kernel
-def _enlarge(start, stop, small, addressed, out):  # type: ignore[no-untyped-def]
-    """Bilinear reading at the centres of larger texels, written to `out`.
+def _enlarge(start, stop, small, face_index, out):  # type: ignore[no-untyped-def]
+    """Bilinear reading at the centres of larger texels, added to `out`.
 
     Parameters
     ----------
     start, stop : int
-        Which of them.
-    small : ndarray of shape (L, h, w, 3)
-    addressed : ndarray of shape (H, W), bool
-    out : ndarray of shape (L, H, W, 3)
+        Which rows.
+    small : ndarray of shape (h, w, 3)
+    face_index : ndarray of shape (H, W)
+    out : ndarray of shape (H, W, 3)
     """
-    lights, h, w = small.shape[0], small.shape[1], small.shape[2]
-    height, width = addressed.shape
+    h, w = small.shape[0], small.shape[1]
+    height, width = face_index.shape
     for row in range(start, stop):
         y = min(max((row + 0.5) * h / height - 0.5, 0.0), h - 1.0)
         y0 = int(y)
         y1, fy = min(y0 + 1, h - 1), np.float32(y - y0)
         for col in range(width):
-            if not addressed[row, col]:
+            if face_index[row, col] == NO_FACE:
                 continue
             x = min(max((col + 0.5) * w / width - 0.5, 0.0), w - 1.0)
             x0 = int(x)
             x1, fx = min(x0 + 1, w - 1), np.float32(x - x0)
-            for light in range(lights):
-                for c in range(3):
-                    top = small[light, y0, x0, c] * (1 - fx) + small[light, y0, x1, c] * fx
-                    bottom = small[light, y1, x0, c] * (1 - fx) + small[light, y1, x1, c] * fx
-                    out[light, row, col, c] = top * (1 - fy) + bottom * fy
+            for c in range(3):
+                top = small[y0, x0, c] * (1 - fx) + small[y0, x1, c] * fx
+                bottom = small[y1, x0, c] * (1 - fx) + small[y1, x1, c] * fx
+                out[row, col, c] += top * (1 - fy) + bottom * fy

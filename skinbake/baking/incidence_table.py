@@ -1,0 +1,45 @@
+"""What comes back of light at each slant, by the skin's medium: walked once, then kept for every look of the user."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.io.code_digest import code_digest
+from skinbake.io.digests import key_of
+from skinbake.io.user_cache import user_cache
+from skinbake.profile.incidence import Incidence
+from skinbake.profile.skin_medium import SkinMedium, medium_incidence
+
+
+def incidence_table(medium: SkinMedium, say: Callable[[str], None] = lambda _: None) -> Incidence:
+    """R(mu) of a medium, from the user's cache or walked.
+
+    Parameters
+    ----------
+    medium : SkinMedium
+        With layers.
+    say : callable
+        Told when walks begin.
+
+    Raises
+    ------
+    ValueError
+        If the medium has no layers.
+    """
+    key = key_of(code_digest("skinbake.profile.skin_medium"), medium.identity, medium.to_rgb is None)
+
+    def walk(names: tuple[str, ...]) -> dict[str, dict[str, NDArray[np.float64]]]:
+        say("walking light into the skin at every slant, once for this medium")
+        return {name: dict(vars(medium_incidence(medium))) for name in names}
+
+    if key not in _KNOWN:
+        cache = user_cache()
+        found = cache.get_many({"incidence": key}, walk) if cache else walk(("incidence",))
+        _KNOWN[key] = Incidence(**{name: np.asarray(of, np.float64) for name, of in found["incidence"].items()})
+    return _KNOWN[key]
+
+
+_KNOWN: dict[str, Incidence] = {}  # of this process
