@@ -90,7 +90,7 @@ def parse_scene(mapping: Any, say: Callable[[Key, str], str]) -> SceneSpec:
     def diffusion_methods() -> dict[str, bool]:
         from skinbake.diffuse.methods import METHODS
 
-        return {method.name: method.classical for method in METHODS.values() if method.asked_for}
+        return {each.name: each.classical for each in METHODS.values() if each.asked_for}
 
     scene: SceneSpec = parse(SceneSpec, mapping, say, {DIFFUSION_METHODS: diffusion_methods})
     return scene

@@ -30,9 +30,9 @@ def stored_method(lobe: Lobe) -> str:
     return lobe.method or TRANSMISSION
 
 
-def is_transmission(method: str) -> bool:
+def is_transmission(made_by: str) -> bool:
     """Whether a lobe is light through thin parts, from what its file says of how it was made."""
-    return method == TRANSMISSION
+    return made_by == TRANSMISSION
 
 
 @dataclass(frozen=True)

@@ -55,14 +55,14 @@ def fresnel_moments(eta: float) -> tuple[float, float]:
     return float(first), float(second)
 
 
-def boundary_factor(eta: float, method: BoundaryMethod = "polynomial") -> float:
+def boundary_factor(eta: float, boundary: BoundaryMethod = "polynomial") -> float:
     """Boundary factor A of theory.md 1.5 or 1.11: how much farther out the flux extrapolates because the face reflects.
 
     Parameters
     ----------
     eta : float
         Index inside over index outside, from 1/3 to 3.
-    method : {"polynomial", "exact", "better"}
+    boundary : {"polynomial", "exact", "better"}
         The polynomial reproduces published figures, the exact integral is better physics (totals differ by < 0.2 %),
         "better" is (1 + 3 C2) / (1 - 2 C1) of the better dipole.
 
@@ -79,10 +79,10 @@ def boundary_factor(eta: float, method: BoundaryMethod = "polynomial") -> float:
         raise ValueError(f"eta: expected a ratio of indices from 1/3 to 3, got {eta}")
     if eta == 1:
         return 1.0
-    if method == "polynomial":
+    if boundary == "polynomial":
         reflected = diffuse_reflectance_polynomial(eta)
         return (1 + reflected) / (1 - reflected)
     first, second = fresnel_moments(eta)
-    if method == "exact":
+    if boundary == "exact":
         return (1 + first) / (1 - first)
     return (1 + second) / (1 - first)

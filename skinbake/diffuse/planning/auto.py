@@ -106,12 +106,12 @@ def _candidates(memoizer: Memoizer, variance: float, probes: Probes, exact: Floa
     trial = Trial(resources, variance, levels, cluster_spacing(resources.spec.tolerance), probes, exact, half)
     judge = Judge(exact, probes.weight, len(probes))
     found = []
-    for method in METHODS.values():
-        for parameters, cost, read, tried in method.candidates(trial):
+    for each in METHODS.values():
+        for parameters, cost, read, tried in each.candidates(trial):
             cost += write_cost(resources, parameters.level)
-            if method.misses_unseen:
+            if each.misses_unseen:
                 cost += risk_cost(resources)
-            found.append(Candidate(method, parameters, cost, read, judge.rms(read - exact), tried))
+            found.append(Candidate(each, parameters, cost, read, judge.rms(read - exact), tried))
     return sorted(found, key=lambda candidate: candidate.parameters.level)
 
 
