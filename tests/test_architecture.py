@@ -27,6 +27,7 @@ ORDER = [
     "io",
     "baking",
     "api",
+    "export",
     "batch",
     "cli",
 ]

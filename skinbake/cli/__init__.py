@@ -21,6 +21,7 @@ VERBS = {
     "check": "Report on units, texels, UVs, memory and time before baking.",
     "compare": "Compare two images or two bakes (exit 0 same, 1 differs, 2 could not compare).",
     "diffuse": "Blur an irradiance EXR into lobes.",
+    "export": "Write a bake as files that other programs read.",
     "fit": "Fit a sum of Gaussians to a skin's profile.",
     "info": "Show where a file or a bake came from.",
     "init": "Write a first look for a mesh.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,15 @@ from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write, system_error
 
 _LAST_CHUNK = b"IEND\xaeB`\x82"
+
+
+def png_bytes(rgb: NDArray[np.uint8]) -> bytes:
+    """A PNG file of pixels (H, W, 3), to be put into another file; the same pixels give the same bytes."""
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(rgb).save(file, "PNG", compress_level=4)
+    return file.getvalue()
 
 
 def write_png(path: Path | str, rgb: NDArray[np.uint8]) -> None:

@@ -1,0 +1,46 @@
+"""`skinbake export FOLDER --to DIR`: a bake as files that other programs read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from skinbake.cli.options import quiet_option
+
+
+@click.command("export")
+@click.argument("folder", type=click.Path())
+@click.option("--to", type=click.Path(), required=True, help="Folder to write to; made where there is none.")
+@click.option("--sum", "summed", is_flag=True, help="sum.exr and sum.png: the light that leaves the skin, added up.")
+@click.option("--layers", is_flag=True, help="Each texture as an EXR of one part, channels R G B.")
+@click.option("--gltf", is_flag=True, help="skin.glb: the head with its light, for any viewer.")
+@quiet_option
+def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, verbosity: int) -> None:
+    """Write what the bake in FOLDER holds in forms that need no skinbake. The bake is only read.
+
+    Files of an earlier export are replaced; a file that no export has made is never.
+    """
+    from skinbake.api import open_bake
+    from skinbake.errors import InputError
+    from skinbake.export.gltf import NAME, write_gltf
+    from skinbake.export.layers import layer_names, write_layers
+    from skinbake.export.summed import sum_names, write_sum
+    from skinbake.io.export_list import keep_export_list, refuse_foreign
+
+    if not (summed or layers or gltf):
+        raise InputError("export: expected one or more of --sum, --layers and --gltf, got none")
+    if not to:
+        raise InputError("--to: expected a folder, got an empty name")
+    baked, target = open_bake(folder), Path(to)
+    names = [*(sum_names(baked) if summed else ()), *(layer_names(baked) if layers else ()), *([NAME] if gltf else ())]
+    refuse_foreign(target, names)
+    keep_export_list(target, names, Path(folder))
+    if summed:
+        write_sum(baked, target)
+    if layers:
+        write_layers(baked, target)
+    if gltf:
+        write_gltf(baked, target)
+    if verbosity:
+        print("\n".join(str(target / name) for name in names))

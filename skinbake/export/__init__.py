@@ -1,0 +1,1 @@
+"""Handing over: a bake as files that other programs read."""

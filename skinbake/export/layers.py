@@ -1,0 +1,67 @@
+"""Every texture of a bake as a file of its own, in the plainest form of EXR."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from skinbake.api.baked_skin import BakedSkin
+from skinbake.io.exr import Part, rgb_channels, write_parts
+from skinbake.io.irradiance import tile_path
+
+
+def layer_names(baked: BakedSkin) -> list[str]:
+    """Names of the files that `write_layers` writes."""
+    return [
+        tile_path(Path(f"{name}.exr"), tile, baked.look.texture.udim).name
+        for tile in baked.tiles
+        for name, _, _ in _layers(baked)
+    ]
+
+
+def write_layers(baked: BakedSkin, folder: Path) -> None:
+    """Write `irradiance.exr`, `irradiance.LIGHT.exr`, `lobe_N.exr` and `lobe_N.LIGHT.exr`, a tile each where there are.
+
+    Channels are R, G, B, one part a file, linear Rec.709, half floats. Light through thin parts is the last lobe.
+
+    Parameters
+    ----------
+    baked : BakedSkin
+    folder : Path
+
+    Raises
+    ------
+    InputError
+        A file of the bake is missing or damaged, or the folder cannot be written to.
+    MachineError
+        Disk full.
+    """
+    for tile in baked.tiles:
+        for name, lobe, light in _layers(baked):
+            if lobe is None:
+                image = baked.irradiance(light, tile)
+                about: dict[str, Any] = {"skinbake:quantity": "irradiance"}
+            else:
+                image = baked.lobe(lobe, light, tile)
+                about = {
+                    "skinbake:quantity": "lobe: add up weight times lobe, divide by pi",
+                    "skinbake:weight_rgb": [float(w) for w in baked.weight_rgb[lobe]],
+                    "skinbake:variance_mm2": float(baked.variance_mm2[lobe]),
+                }
+            path = tile_path(folder / f"{name}.exr", tile, baked.look.texture.udim)
+            write_parts(path, [Part("", rgb_channels(image), about)])
+
+
+def _layers(baked: BakedSkin) -> Iterator[tuple[str, int | None, str | None]]:
+    """Name, lobe (None for the irradiance) and light (None for the sum) of each texture."""
+    for light in (None, *baked.lights):
+        yield _name("irradiance", light), None, light
+    stored = baked.lights if baked.look.output.separate_lights else ()
+    for lobe in range(len(baked.weight_rgb)):
+        for light in (None, *stored):
+            yield _name(f"lobe_{lobe}", light), lobe, light
+
+
+def _name(stem: str, light: str | None) -> str:
+    return stem if light is None else f"{stem}.{light}"

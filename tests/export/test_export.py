@@ -1,0 +1,159 @@
+"""`skinbake export`: what other programs read is what the bake holds, and nobody's file is lost."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import trimesh
+
+import skinbake
+from skinbake.cli import run
+from skinbake.diffuse.bilinear import magnify_bilinear
+from skinbake.errors import InputError
+from skinbake.io.export_list import NAME, refuse_foreign
+from skinbake.io.exr import read_parts
+from skinbake.io.mesh import write_obj
+from skinbake.io.png import write_png
+from skinbake.preview.tonemap import tonemap
+from tests.shapes import sphere
+
+LOOK = """\
+mesh: {path: mesh.obj, unit: mm, any_size: true}
+maps: {albedo: albedo.png, normal: normal.png, roughness: rough.png}
+texture: {size: [64, 48], gutter: 4}
+skin: {model: gaussians, variance_mm2: [0.5, 300.0], weight_rgb: [[0.5, 0.6, 0.7], [0.5, 0.4, 0.3]]}
+lights:
+  - {name: key, type: directional, direction: [-0.6, 0, -0.8], irradiance: [1, 2, 3]}
+  - {name: lamp, type: point, position_mm: [10, 20, 60], intensity: [900, 800, 700]}
+diffusion: {method: texture, tolerance: 0.9, probes: 50}
+output: {dir: out}
+"""
+
+
+@pytest.fixture(scope="module")
+def bake(tmp_path_factory):
+    """Folder of a bake of a ball with all maps."""
+    folder = tmp_path_factory.mktemp("export")
+    write_obj(folder / "mesh.obj", sphere(30.0, "latlong", 24))
+    ramp = np.linspace(90, 230, 48 * 64 * 3).reshape(48, 64, 3).astype(np.uint8)
+    write_png(folder / "albedo.png", ramp)
+    write_png(folder / "normal.png", np.full((48, 64, 3), (140, 120, 250), np.uint8))
+    write_png(folder / "rough.png", np.full((48, 64, 3), 64, np.uint8))
+    (folder / "me.yaml").write_text(LOOK)
+    assert run(["bake", str(folder / "me.yaml"), "--no-preview", "--quiet"]) == 0
+    return folder / "out"
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_layers_and_sum_are_what_the_bake_holds(bake, tmp_path):
+    """One part a file, R G B in this order; the sum is M; the picture is M / pi, tone-mapped; the bake is untouched."""
+    before = contents(bake)
+    assert run(["export", str(bake), "--to", str(tmp_path / "x"), "--sum", "--layers", "--quiet"]) == 0
+    assert contents(bake) == before
+    baked = skinbake.open_bake(bake)
+    lobes = range(len(baked.weight_rgb))
+    images = {"irradiance": baked.irradiance(), "sum": baked.radiant_exitance()}
+    images |= {f"irradiance.{light}": baked.irradiance(light) for light in baked.lights}
+    images |= {f"lobe_{i}": baked.lobe(i) for i in lobes}
+    images |= {f"lobe_{i}.{light}": baked.lobe(i, light) for i in lobes for light in baked.lights}
+    assert {path.stem for path in (tmp_path / "x").glob("*.exr")} == set(images)
+    for name, image in images.items():
+        source = oiio.ImageInput.open(str(tmp_path / "x" / f"{name}.exr"))
+        assert source.spec().channelnames == ("R", "G", "B")
+        assert not source.seek_subimage(1, 0)
+        np.testing.assert_allclose(source.read_image("float"), image, rtol=2**-11, atol=1e-7)
+    m = images["sum"]
+    total = sum(
+        weight * magnify_bilinear(baked.lobe(i), m.shape[:2])
+        for i, weight in enumerate(baked.weight_rgb.astype(np.float32))
+    )
+    np.testing.assert_allclose(m, total, rtol=1e-5, atol=1e-6)
+    shown = oiio.ImageInput.open(str(tmp_path / "x" / "sum.png")).read_image("uint8")
+    np.testing.assert_array_equal(shown, tonemap(m / np.float32(np.pi)))
+
+
+def test_a_glb_holds_the_head_its_light_and_its_maps(bake, tmp_path):
+    """In metres, v down, unlit; colours are the picture of M / pi, and normals and roughness the look's."""
+    assert run(["export", str(bake), "--to", str(tmp_path), "--gltf", "--quiet"]) == 0
+    (mesh,) = trimesh.load(tmp_path / "skin.glb").geometry.values()
+    original = sphere(30.0, "latlong", 24)
+    np.testing.assert_allclose(mesh.area, original.face_area_mm2.sum() * 1e-6, rtol=1e-5)
+    np.testing.assert_allclose(np.ptp(mesh.bounds, axis=0), np.ptp(original.positions_mm, axis=0) / 1000, rtol=1e-6)
+    m = skinbake.open_bake(bake).radiant_exitance()
+    lit = m.any(axis=-1)
+    picture = np.asarray(mesh.visual.material.baseColorTexture)[..., :3]
+    np.testing.assert_array_equal(picture[lit], tonemap(m / np.float32(np.pi))[lit])
+    assert picture[~lit].any(axis=-1).all()  # no black gutter for mip levels to mix in
+    normal = np.asarray(mesh.visual.material.normalTexture)[..., :3].reshape(-1, 3)
+    vector = np.array([140, 120, 250]) / 127.5 - 1
+    np.testing.assert_allclose(
+        normal, np.broadcast_to(127.5 + 127.5 * vector / np.linalg.norm(vector), normal.shape), atol=1
+    )
+    rough = np.asarray(mesh.visual.material.metallicRoughnessTexture)
+    np.testing.assert_allclose(rough[..., 1], 255 * np.sqrt(64 / 255), atol=1)
+    data = (tmp_path / "skin.glb").read_bytes()
+    document = json.loads(data[20 : 20 + struct.unpack("<I", data[12:16])[0]])
+    assert document["materials"][0]["extensions"] == {"KHR_materials_unlit": {}}
+    assert document["asset"]["extras"]["skinbake"]["lights"] == ["key", "lamp"]
+    position = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+    np.testing.assert_allclose([position["min"], position["max"]], mesh.bounds, atol=1e-7)
+
+
+def test_an_export_again_is_the_same_and_only_its_own_files_are_replaced(bake, tmp_path):
+    """A file of that name that no export made is told and kept, and nothing is written beside it."""
+    verb = ["export", str(bake), "--to", str(tmp_path / "x"), "--sum", "--gltf", "--quiet"]
+    assert run(verb) == 0
+    first = contents(tmp_path / "x")
+    assert run(verb) == 0
+    assert contents(tmp_path / "x") == first
+    (tmp_path / "x" / "lobe_0.exr").write_bytes(b"mine")
+    kept = contents(tmp_path / "x")
+    assert run([*verb, "--layers"]) == 2
+    assert contents(tmp_path / "x") == kept
+    with pytest.raises(InputError, match=r"lobe_0\.exr: expected no file, or one of an earlier export"):
+        refuse_foreign(tmp_path / "x", ["sum.exr", "lobe_0.exr"])
+    (tmp_path / "x" / NAME).write_text("{damaged")
+    with pytest.raises(InputError, match=r"sum\.exr: expected no file"):
+        refuse_foreign(tmp_path / "x", ["sum.exr"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--to", "x"], "expected one or more of --sum, --layers and --gltf"),
+        (["--to", "", "--sum"], "--to: expected a folder, got an empty name"),
+        (["--to", "{bake}", "--sum"], "expected a folder of its own to export to, got one with a bake"),
+        (["--to", "{bake}/bake.json", "--sum"], "expected a folder to export to, got a file"),
+    ],
+)
+def test_what_cannot_be_exported_is_said(bake, arguments, says, capsys, tmp_path, monkeypatch):
+    """With exit code 2, before anything is written."""
+    monkeypatch.chdir(tmp_path)
+    before = contents(bake)
+    assert run(["export", str(bake), *(a.replace("{bake}", str(bake)) for a in arguments)]) == 2
+    assert says in capsys.readouterr().err
+    assert contents(bake) == before
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_bake_with_summed_lights_has_no_lobe_a_light(bake, tmp_path):
+    """Irradiance is stored a light even then."""
+    look = bake.parent / "me.yaml"
+    assert (
+        run(
+            ["bake", str(look), "--set", "output.lights=total", "--out", str(tmp_path / "b"), "--no-preview", "--quiet"]
+        )
+        == 0
+    )
+    assert run(["export", str(tmp_path / "b"), "--to", str(tmp_path / "x"), "--layers", "--quiet"]) == 0
+    names = {path.name for path in (tmp_path / "x").glob("*.exr")}
+    assert {"irradiance.exr", "irradiance.key.exr", "lobe_0.exr", "lobe_1.exr"} <= names
+    assert not [name for name in names if name.startswith("lobe_") and "key" in name]
+    assert list(read_parts(tmp_path / "x" / "lobe_0.exr")) == [""]
