@@ -55,7 +55,7 @@ def bake_look(
     stages = bake.stages()
     log.say(f"baking into {results.folder}")
     refuse_spoilt_look(inputs, stages)
-    with results.open(), PreviewWorker() as worker:
+    with results.open(preview), PreviewWorker() as worker:
         picture = PreviewStage(inputs, stages, results, worker, log)
         if preview:
             picture.prepare()

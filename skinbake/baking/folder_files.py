@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,14 +10,10 @@ from typing import Any
 from skinbake.errors import InputError
 from skinbake.io.atomic import write_text
 from skinbake.io.manifest import NAME, read_manifest
+from skinbake.io.output_names import MESH, is_output, refuse_foreign
 from skinbake.scene.spec import SceneSpec
 
-FIT_FILES = ("profile.json", "profile.csv", "profile.png")  # in the order of their writing
-PICTURE, PICTURE_KEY = "preview.png", ".preview"
-MESH = "mesh.obj"
 UNFINISHED = ".bake.files"
-_TEXTURES = r"(irradiance|lobe_\d+|transmission)(\.[A-Za-z0-9_-]+)?(\.\d{4})?\.(exr|tx)"
-_OUTPUT = re.compile("|".join([_TEXTURES, *map(re.escape, (*FIT_FILES, PICTURE, PICTURE_KEY, MESH, NAME))]))
 
 
 class FolderFiles:
@@ -41,8 +36,24 @@ class FolderFiles:
         except InputError:
             manifest = {}
         self.sizes = dict(manifest.get("bytes", {}))
-        self.names = {name for name in (*self.sizes, *_unfinished(self.folder)) if _OUTPUT.fullmatch(name)}
+        self.names = {name for name in (*self.sizes, *_unfinished(self.folder)) if is_output(name)}
         return manifest
+
+    def refuse_foreign(self, unless: Iterable[str] = ()) -> None:
+        """Stop before somebody else's file is written over: one of a name that bakes write to.
+
+        Parameters
+        ----------
+        unless : iterable of str
+            Names that will not be written to.
+
+        Raises
+        ------
+        InputError
+            A file is there that neither the manifest lists nor its own header proves to be ours.
+        """
+        there = {path.name for path in self.folder.iterdir() if is_output(path.name)}
+        refuse_foreign(self.folder / name for name in sorted(there - self.names - set(unless)))
 
     def as_left(self, path: Path) -> bool:
         """Whether a file has the size it was left with: a copy may have been cut short since."""
@@ -51,7 +62,9 @@ class FolderFiles:
 
     def begin(self, names: Iterable[str]) -> None:
         """Say which files will be written; from now on there is no manifest."""
-        self.names |= set(names)
+        names = set(names)
+        refuse_foreign(self.folder / name for name in sorted(names - self.names))
+        self.names |= names
         write_text(self.folder / UNFINISHED, json.dumps(sorted(self.names)) + "\n")
         (self.folder / NAME).unlink(missing_ok=True)
 
@@ -86,7 +99,7 @@ def refuse_inputs_as_outputs(spec: SceneSpec, folder: Path, inputs: Iterable[Pat
     for path in inputs:
         if path.name == MESH and spec.texture.unwrap == "none":
             continue
-        if _OUTPUT.fullmatch(path.name) and path.parent.exists() and folder.exists() and path.parent.samefile(folder):
+        if is_output(path.name) and path.parent.exists() and folder.exists() and path.parent.samefile(folder):
             raise InputError(
                 f"{path}: expected inputs that the bake does not write, got one of its output names in {folder}; "
                 "choose another output.dir, or --out"

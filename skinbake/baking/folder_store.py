@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import skinbake
-from skinbake.baking.folder_files import FIT_FILES, MESH, PICTURE, PICTURE_KEY, FolderFiles, refuse_inputs_as_outputs
+from skinbake.baking.folder_files import FolderFiles, refuse_inputs_as_outputs
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.provenance import Provenance
 from skinbake.baking.stage_log import StageLog
@@ -22,12 +22,13 @@ from skinbake.io.atomic import write_text
 from skinbake.io.background import Background
 from skinbake.io.cache import Cache
 from skinbake.io.digests import sha256_of
-from skinbake.io.fingerprint import input_files
+from skinbake.io.fingerprint import every_input
 from skinbake.io.irradiance import LIGHT, TOTAL, part_keys, read_irradiance, tile_path, write_irradiance
 from skinbake.io.lobes import lobe_name, read_summary, read_totals, write_lobes
 from skinbake.io.lock import folder_lock
 from skinbake.io.manifest import write_manifest
 from skinbake.io.mesh import write_obj
+from skinbake.io.output_names import FIT_FILES, MESH, PICTURE, PICTURE_KEY
 from skinbake.io.png import write_png
 from skinbake.io.profile import read_gaussians, write_fit
 from skinbake.io.tx import is_current, tx_paths, write_tx
@@ -68,18 +69,31 @@ class FolderStore:
         self.written: set[str] = set()
 
     @contextmanager
-    def open(self) -> Iterator[None]:
+    def open(self, picture: bool = False, given: Sequence[Path] = ()) -> Iterator[None]:
         """Hold the folder for this process while stages run and until their files are written.
+
+        Parameters
+        ----------
+        picture : bool
+            Whether a picture will be written, too.
+        given : sequence of Path
+            Irradiance that is read and takes the place of the folder's own, which is then not written.
 
         Raises
         ------
         InputError
-            The folder cannot be written to, or a file of the look has the name of one that will be written.
+            The folder cannot be written to, or a file of the look has the name of one that will be written, or
+            somebody else's file has.
         """
         spec = self._inputs.spec
-        refuse_inputs_as_outputs(spec, self.folder, [p for paths in input_files(spec).values() for p in paths])
+        own = {path.name for path in self.irradiance_paths().values()}
+        read = [path for path in given if path.name not in own]
+        refuse_inputs_as_outputs(spec, self.folder, [*every_input(spec), *read])
         with folder_lock(self.folder, self._log.say), self._background:
             self.before = self._files.read()
+            sometimes = {PICTURE: picture, MESH: spec.texture.unwrap == "xatlas"}
+            unless = [name for name, written in sometimes.items() if not written]
+            self._files.refuse_foreign([*unless, *own] if given else unless)
             yield
 
     def finish_writing(self) -> None:

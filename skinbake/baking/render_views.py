@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from skinbake.io.exr import Part, rgb_channels, write_parts
+from skinbake.io.output_names import refuse_inputs
 from skinbake.io.png import write_png
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode, parse_mode
@@ -28,6 +29,7 @@ def render(
     exposure: float | None = None,
     supersample: int = 2,
     say: Callable[[Path], None] | None = None,
+    inputs: Iterable[Path] = (),
 ) -> list[Path]:
     """Render pictures into a folder and give the paths of the PNGs; the defaults render out/preview.png.
 
@@ -58,22 +60,28 @@ def render(
         Each pixel is the mean of its square of points.
     say : callable, optional
         Told each path.
+    inputs : iterable of Path
+        Files that no picture is written over.
+
+    Raises
+    ------
+    InputError
+        A picture has the name of one of the inputs.
     """
     size = size or look.size
     shown = parse_mode(mode, len(renderer.scene.lobes))
     modes = [Mode("none"), shown] if compare else [shown]
     exposure = look.exposure if exposure is None else exposure
     planned: list[View] = plan_views(renderer.scene.mesh, views or [look.view], turntable, size[0] / size[1])
-    written = []
-    for each in planned:
+    names = ["preview"] if len(planned) == 1 else [f"preview_{each.name}" for each in planned]
+    paths = [Path(png)] if png else [out / f"{name}{'_compare' if compare else ''}.png" for name in names]
+    refuse_inputs([*paths, *(path.with_suffix(".exr") for path in paths if exr)], inputs)
+    for each, path in zip(planned, paths, strict=True):
         image = side_by_side([renderer.draw(each.camera, size, m, gains, supersample) for m in modes])
-        name = "preview" if len(planned) == 1 else f"preview_{each.name}"
-        path = Path(png) if png else out / f"{name}{'_compare' if compare else ''}.png"
         write_png(path, tone_map(image, look.background_rgb, exposure))
         if exr:
             channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
             write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
-        written.append(path)
         if say:
             say(path)
-    return written
+    return paths

@@ -23,7 +23,9 @@ from skinbake.io.batch_file import Batch, BatchJob
 from skinbake.io.batch_report import NAME, read_batch_report
 from skinbake.io.code_digest import package_digest
 from skinbake.io.contact_sheet import Cell, write_contact_sheet
+from skinbake.io.fingerprint import every_input
 from skinbake.io.lock import file_lock
+from skinbake.io.output_names import refuse_inputs
 
 SHEET = "batch.png"
 GOOD = ("done", "fresh")
@@ -73,9 +75,16 @@ class Plan:
 
 
 def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
-    """Bake the selected looks, write batch.json and batch.png, and give what batch.json holds."""
+    """Bake the selected looks, write batch.json and batch.png, and give what batch.json holds.
+
+    Raises
+    ------
+    InputError
+        One of the two has the name of a file that the batch reads.
+    """
     start = time.perf_counter()
     jobs = plan.selected
+    _refuse_inputs(plan)
     payloads = {job.name: plan.bake_job(job) for job in jobs}
     peak = None
     with BatchProgress(len(jobs), plan.workers, console) as progress:
@@ -110,6 +119,15 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
             _sheet(plan.batch, report["jobs"])
     _summary(report, plan.batch.folder, console)
     return report
+
+
+def _refuse_inputs(plan: Plan) -> None:
+    """Stop before batch.json or batch.png is written over what the batch, or one of its looks, reads."""
+    read = [plan.batch.path]
+    for job in plan.selected:
+        with suppress(InputError):  # a missing file is the job's failure
+            read += every_input(job.spec)
+    refuse_inputs([plan.batch.folder / NAME, plan.batch.folder / SHEET], read)
 
 
 def _entries(plan: Plan, results: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:

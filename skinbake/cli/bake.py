@@ -6,7 +6,15 @@ import json
 
 import click
 
-from skinbake.cli.options import config_argument, force_option, json_option, out_option, quiet_option, set_option
+from skinbake.cli.options import (
+    Output,
+    config_argument,
+    force_option,
+    json_option,
+    out_option,
+    quiet_option,
+    set_option,
+)
 
 
 @click.command("bake")
@@ -15,7 +23,7 @@ from skinbake.cli.options import config_argument, force_option, json_option, out
 @set_option
 @force_option
 @click.option("--preview/--no-preview", default=True, help="Render preview.png at the end.")
-@click.option("--cache", type=click.Path(file_okay=False), help="Folder shared with other looks [$SKINBAKE_CACHE].")
+@click.option("--cache", type=Output(file_okay=False), help="Folder shared with other looks [$SKINBAKE_CACHE].")
 @json_option
 @quiet_option
 def command(

@@ -6,7 +6,7 @@ import json
 
 import click
 
-from skinbake.cli.options import Within, force_option, json_option, out_option, quiet_option, set_option
+from skinbake.cli.options import Output, Within, force_option, json_option, out_option, quiet_option, set_option
 
 
 @click.command("batch")
@@ -18,7 +18,7 @@ from skinbake.cli.options import Within, force_option, json_option, out_option, 
 @click.option("--dry-run", is_flag=True, help="Say what would be done, and why.")
 @click.option("--keep-going/--fail-fast", default=True, help="What a failure means for the other looks.")
 @force_option
-@click.option("--cache", type=click.Path(file_okay=False), help="Folder of shared results [$SKINBAKE_CACHE, .cache].")
+@click.option("--cache", type=Output(file_okay=False), help="Folder of shared results [$SKINBAKE_CACHE, .cache].")
 @click.option("--cache-gib", type=Within(0, 1e9), default=8.0, show_default=True, help="Its size at most.")
 @click.option("--no-cache", is_flag=True, help="Share nothing between looks.")
 @click.option("--dask", metavar="ADDRESS", help="Bake on this Dask cluster; `local` starts one of -j processes.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinbake.cli.options import config_argument, json_option, quiet_option, set_option
+from skinbake.cli.options import Output, config_argument, json_option, quiet_option, set_option
 
 if TYPE_CHECKING:
     from skinbake.atlas.report import UvReport
@@ -22,7 +22,7 @@ IMAGES_MIB = 140  # of the maps of the heads that the estimate was fitted to
 
 @click.command("check")
 @config_argument
-@click.option("--out", type=click.Path(file_okay=False), help=f"Folder for {PICTURE}, a picture of overlaps and flips.")
+@click.option("--out", type=Output(file_okay=False), help=f"Folder for {PICTURE}, a picture of overlaps and flips.")
 @set_option
 @json_option
 @quiet_option
@@ -36,12 +36,16 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     spec = load_look(config, overrides)
     report, pictures, uv = examine(spec)
     if out is not None:
+        from skinbake.io.fingerprint import every_input
+        from skinbake.io.output_names import refuse_inputs
         from skinbake.io.png import write_png
 
-        for i, (tile, picture) in enumerate(pictures):
-            name = PICTURE if len(pictures) == 1 else f"uv_check.{tile}.png"
-            write_png(Path(out) / name, picture)
-            report["pictures"] = [*report.get("pictures", []), str(Path(out) / name)] if i else [str(Path(out) / name)]
+        names = [PICTURE if len(pictures) == 1 else f"uv_check.{tile}.png" for tile, _ in pictures]
+        paths = [Path(out) / name for name in names]
+        refuse_inputs(paths, [config, *every_input(spec)])
+        for path, (_, picture) in zip(paths, pictures, strict=True):
+            write_png(path, picture)
+        report["pictures"] = [str(path) for path in paths]
     if as_json:
         click.echo(json.dumps(report | {"faults": uv.faults}, indent=1))
     elif verbosity:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinbake.cli.options import Within, json_option
+from skinbake.cli.options import Output, Within, json_option
 
 if TYPE_CHECKING:
     from skinbake.compare import Difference
@@ -31,7 +31,7 @@ limit = Within(min=0)
 @click.option(
     "--worst", type=limit, default=1.0, show_default=True, help="No value may pass this many times its limit."
 )
-@click.option("--picture", type=click.Path(dir_okay=False), help="Write the difference in false colours to this PNG.")
+@click.option("--picture", type=Output(dir_okay=False), help="Write the difference in false colours to this PNG.")
 @json_option
 def command(
     image: str,
@@ -50,8 +50,12 @@ def command(
     """
     from skinbake.compare import Tolerance, compare
     from skinbake.errors import InputError
+    from skinbake.io.output_names import refuse_inputs
     from skinbake.io.pictures import false_colour_sheet, images_of
 
+    if picture:
+        folders = [Path(side) for side in (image, reference) if Path(side).is_dir()]
+        refuse_inputs([picture], [image, reference, *(file for folder in folders for file in folder.iterdir())])
     tolerance = Tolerance(absolute, relative, allowed, worst)
     ours, theirs = images_of(Path(image)), images_of(Path(reference))
     if Path(image).is_dir() and Path(reference).is_dir():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -30,12 +31,17 @@ def command(
     """
     from skinbake.errors import ToleranceMissedError
     from skinbake.io.config import load_skin
+    from skinbake.io.output_names import FIT_FILES, refuse_foreign, refuse_inputs
     from skinbake.io.profile import as_json as dump
     from skinbake.io.profile import fit_record, write_fit
     from skinbake.io.table import read_profile_csv
     from skinbake.profile import fit_skin
 
     skin = load_skin(config, overrides)
+    if out:
+        outputs = [Path(out) / name for name in FIT_FILES]
+        refuse_inputs(outputs, filter(None, [config, getattr(skin, "path", None), against]))
+        refuse_foreign(outputs)
     report = fit_skin(skin, read_profile_csv(skin.path) if skin.model == "table" else None)
     extra = compare(report, against) if against else {}
     written = write_fit(report, out, extra) if out else []

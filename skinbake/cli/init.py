@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import click
 
+from skinbake.cli.options import Output
+
 
 @click.command("init")
 @click.argument("mesh", type=click.Path(dir_okay=False))
-@click.option("--out", type=click.Path(dir_okay=False), help="YAML file to write; by default the mesh's name, here.")
+@click.option("--out", type=Output(dir_okay=False), help="YAML file to write; by default the mesh's name, here.")
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 def command(mesh: str, out: str | None, force: bool) -> None:
     """Write a commented look for MESH that bakes as it stands: unit, parts and maps found, three lights placed."""
@@ -20,5 +22,7 @@ def command(mesh: str, out: str | None, force: bool) -> None:
     path, look = Path(mesh), Path(out or Path(mesh).with_suffix(".yaml").name)
     if look.exists() and not force:
         raise InputError(f"{look}: is there already; say --force to write over it, or --out for another name")
+    if look.exists() and look.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(f"{look}: expected a YAML file for --force to write over; choose another --out")
     write_text(look, first_look(path, look))
     print(f"{look}\nnext: skinbake check {look}, then skinbake bake {look}")

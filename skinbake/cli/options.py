@@ -33,11 +33,32 @@ class Within(click.FloatRange):
         return number
 
 
+class Output(click.Path):
+    """A file or folder to write to. An empty text, as of a variable that is not set, is not the folder one is in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path.
+
+        Parameters
+        ----------
+        value, param, ctx
+            As click gives them.
+
+        Raises
+        ------
+        click.BadParameter
+            If there is none.
+        """
+        if not str(value):
+            self.fail("expected a path, got an empty text; is a variable not set?", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 config_argument = click.argument("config", type=click.Path(dir_okay=False))
 set_option = click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a configuration key; may be repeated."
 )
-out_option = click.option("--out", type=click.Path(file_okay=False), help="Folder to write to, instead of output.dir.")
+out_option = click.option("--out", type=Output(file_okay=False), help="Folder to write to, instead of output.dir.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Report as JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Run every stage, also those whose inputs have not changed.")
 

@@ -7,14 +7,14 @@ from typing import Any
 
 import click
 
-from skinbake.cli.options import Within, quiet_option
+from skinbake.cli.options import Output, Within, quiet_option
 from skinbake.errors import InputError
 
 
 @click.command("preview")
 @click.argument("folder", type=click.Path())
-@click.option("--out", type=click.Path(file_okay=False), help="Folder for pictures, named after their views.")
-@click.option("--png", type=click.Path(dir_okay=False), help="One picture, to this file.")
+@click.option("--out", type=Output(file_okay=False), help="Folder for pictures, named after their views.")
+@click.option("--png", type=Output(dir_okay=False), help="One picture, to this file.")
 @click.option("--exr", is_flag=True, help="Also write linear float EXRs beside the PNGs.")
 @click.option(
     "--views",
@@ -109,12 +109,20 @@ def render_still(
     """
     from skinbake.baking.render_views import render
     from skinbake.io.bake_folder import read_bake_folder
+    from skinbake.io.fingerprint import every_input
+    from skinbake.io.output_names import PICTURE, PICTURE_KEY, is_output
     from skinbake.preview.draw import OffscreenRenderer
 
     baked = read_bake_folder(folder, summed=not gains)
+    textures = [
+        path for path in baked.path.iterdir() if is_output(path.name) and path.name not in (PICTURE, PICTURE_KEY)
+    ]
+    inputs = [*textures, *every_input(baked.spec)]
     say = (lambda path: click.echo(str(path), err=True)) if verbosity else None
     with OffscreenRenderer(baked.scene) as renderer:
-        return render(renderer, baked.spec.preview, Path(out) if out else baked.path, gains=gains, say=say, **how)
+        return render(
+            renderer, baked.spec.preview, Path(out) if out else baked.path, gains=gains, say=say, inputs=inputs, **how
+        )
 
 
 def _names(views: str | None) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinbake.cli.options import config_argument, json_option, quiet_option, set_option
+from skinbake.cli.options import Output, config_argument, json_option, quiet_option, set_option
 
 if TYPE_CHECKING:
     from skinbake.scene.spec import SceneSpec
@@ -20,7 +20,7 @@ CLOCKS = {"wall": "wall time", "cpu": "processor time of all cores together"}
 
 @click.command("tradeoff")
 @config_argument
-@click.option("--out", type=click.Path(file_okay=False), help="Folder for the results; output.dir/tradeoff by default.")
+@click.option("--out", type=Output(file_okay=False), help="Folder for the results; output.dir/tradeoff by default.")
 @set_option
 @click.option("--quick", "extent", flag_value="quick", help="A handful of settings.")
 @click.option("--full", "extent", flag_value="full", help="Every knob, finer steps, at the look's own texture size.")
@@ -58,11 +58,15 @@ def command(
     from dataclasses import asdict
 
     from skinbake.io.config import load_look
-    from skinbake.io.tradeoff import advice
+    from skinbake.io.fingerprint import every_input
+    from skinbake.io.output_names import refuse_inputs
+    from skinbake.io.tradeoff import RUNS, advice
     from skinbake.tradeoff import plan_sweep
 
     spec = load_look(config, overrides)
     folder = Path(out) if out else Path(spec.output.dir) / "tradeoff"
+    tables = [folder / f"tradeoff.{kind}" for kind in ("csv", "md", "png")]
+    refuse_inputs([*tables, folder / RUNS], [config, *every_input(spec)])
     extent = extent or "default"
     runs = repeats or {"quick": 1, "default": 2, "full": 5}[extent]
     sweep = plan_sweep(spec, _sweep_size(spec, size, extent), extent)

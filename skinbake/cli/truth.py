@@ -41,15 +41,18 @@ def command(
     from skinbake.baking.truth import bare_look, measure_truth
     from skinbake.cli.progress_bar import counted
     from skinbake.io.config import load_look
+    from skinbake.io.fingerprint import every_input
+    from skinbake.io.output_names import refuse_inputs
+    from skinbake.io.truth import NAME, WALKS
     from skinbake.io.truth_plot import write_truth_chart
 
     look = load_look(config, overrides, out)
+    folder = Path(bare_look(look).output.dir)
+    chart = folder / "truth.png"
+    refuse_inputs([chart, folder / NAME, folder / WALKS], [config, *every_input(look)])
     with counted(points, "walking", verbosity) as step:
         truth, without = measure_truth(look, points, walks, terms, max(0, verbosity - 1), step)
-    folder = Path(bare_look(look).output.dir)
-    write_truth_chart(
-        folder / "truth.png", f"{Path(config).name}: {points} points, {walks} walks", truth["error"], without
-    )
+    write_truth_chart(chart, f"{Path(config).name}: {points} points, {walks} walks", truth["error"], without)
     if as_json:
         print(json.dumps({name: truth[name] for name in ("medium", "error", "without")}, indent=1))
     elif verbosity:

@@ -10,6 +10,7 @@ from typing import Any
 
 from skinbake.errors import ConfigError, InputError
 from skinbake.io.fingerprint import files_named
+from skinbake.io.output_names import is_output, refuse_inputs
 from skinbake.io.yaml_lines import Key, Located, dotted, parse_value, read_yaml
 from skinbake.scene.batch import BatchSpec
 from skinbake.scene.parse import parse, unknown_keys
@@ -44,6 +45,9 @@ def load_look(
     if out is not None:
         put(located, "output.dir", str(Path(out).absolute()), "--out")
     look = parse_look(located)
+    beside = Path(look.output.dir) / Path(path).name
+    if is_output(beside.name):
+        refuse_inputs([beside], [path])
     if files:
         _refuse_missing(located)
         _refuse_unknown_color_spaces(located)
@@ -257,6 +261,8 @@ def _absolute(text: str, base: Path) -> Path:
     """Absolute path of a text, `${NAME}` and `~` expanded."""
     if "\0" in text:
         raise InputError("expected a path, got text with a NUL character")
+    if not text:
+        raise InputError("expected a path, got an empty text")
 
     def variable(match: re.Match[str]) -> str:
         """Value of an environment variable, or its default."""
@@ -266,7 +272,10 @@ def _absolute(text: str, base: Path) -> Path:
         return value
 
     try:
-        return Path(os.path.normpath(base / Path(_VARIABLE.sub(variable, text)).expanduser()))
+        text = _VARIABLE.sub(variable, text)
+        if not text:
+            raise InputError("expected a path, got variables that are empty")
+        return Path(os.path.normpath(base / Path(text).expanduser()))
     except RuntimeError as error:  # ~somebody, who has no home here
         raise InputError(f"expected a path, got {text!r}: {error}") from error
 

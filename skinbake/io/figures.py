@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skinbake.io.atomic import atomic_write
+from skinbake.io.output_names import SOFTWARE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +47,7 @@ def png_figure(path: Path | str, dpi: float, bbox_inches: str | None = None, **o
         figure = Figure(dpi=dpi, **options)
         yield figure
         with atomic_write(path) as temporary:
-            figure.savefig(temporary, dpi=dpi, bbox_inches=bbox_inches, metadata={"Software": None})
+            figure.savefig(temporary, dpi=dpi, bbox_inches=bbox_inches, metadata={"Software": SOFTWARE})
 
 
 @contextmanager

@@ -44,6 +44,17 @@ def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
     return found
 
 
+def every_input(spec: SceneSpec) -> list[Path]:
+    """Files a look reads, whatever their role.
+
+    Raises
+    ------
+    InputError
+        A pattern that no file matches.
+    """
+    return [path for paths in input_files(spec).values() for path in paths]
+
+
 def files_named(path: str) -> list[Path]:
     """The file of a path, there or not; of one with `<UDIM>`, the tiles' files that are there."""
     return list(tile_files(path).values())

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write, system_error
+from skinbake.io.output_names import SOFTWARE
 
 _LAST_CHUNK = b"IEND\xaeB`\x82"
 
@@ -44,6 +45,7 @@ def write_png(path: Path | str, rgb: NDArray[np.uint8]) -> None:
         raise ValueError(f"rgb: expected uint8 of shape (H, W, 3), got {rgb.dtype} of {rgb.shape}")
     spec = oiio.ImageSpec(rgb.shape[1], rgb.shape[0], 3, "uint8")
     spec.attribute("oiio:ColorSpace", "sRGB")
+    spec.attribute("Software", SOFTWARE)
     spec.attribute("png:compressionLevel", 4)  # 6 takes twice as long for a file 6 % smaller
     with atomic_write(path) as temporary:
         output = oiio.ImageOutput.create(str(temporary))

@@ -282,7 +282,7 @@ class TermsSpec(Strict):
 class OutputSpec(Strict):
     """Folder, format and content of what is written."""
 
-    dir: str
+    dir: Annotated[str, Field(min_length=1)]
     precision: Literal["half", "float"] = "half"
     compression: Literal["none", "rle", "zips", "zip", "piz"] = "zip"
     lights: Literal["separate", "total"] = "separate"

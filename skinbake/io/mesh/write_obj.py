@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from skinbake.io.atomic import atomic_write
+from skinbake.io.output_names import SOFTWARE
 from skinbake.scene.mesh import SkinMesh
 
 
@@ -29,6 +30,7 @@ def write_obj(path: Path | str, mesh: SkinMesh, mm_per_unit: float = 1.0) -> Non
     normal, normal_of = np.unique(mesh.corner_normal.reshape(-1, 3), axis=0, return_inverse=True)
     address = 1 + np.stack([mesh.faces.ravel(), uv_of.ravel(), normal_of.ravel()], axis=1).reshape(-1, 9)
     with atomic_write(path) as beside, open(beside, "w", encoding="ascii", newline="\n") as file:
+        file.write(f"# {SOFTWARE}\n")
         for tag, rows in (("v", mesh.positions_mm / mm_per_unit), ("vt", uv), ("vn", normal)):
             file.writelines(f"{tag} {' '.join(f'{x:.9g}' for x in row)}\n" for row in rows)
         file.writelines("f {}/{}/{} {}/{}/{} {}/{}/{}\n".format(*row) for row in address)
