@@ -6,9 +6,10 @@ first asked for.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # what type checkers take for true; `typing` takes as long to import as all that runs before main
 if TYPE_CHECKING:
+    from typing import Any
+
     from skinbake.api import BakedSkin, bake, fit_skin, load_look, open_bake, profile_of
 
 __version__ = "0.1.0"

@@ -10,6 +10,7 @@ from tests.conftest import ROOT
 
 ORDER = [
     "errors",
+    "interrupt",
     "numerics",
     "machine",
     "kernels",

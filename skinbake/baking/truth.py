@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from skinbake.atlas.texel_coordinates import local_uv, texel_xy
 from skinbake.baking.bake_look import bake_look
 from skinbake.diffuse.bilinear import read_bilinear
 from skinbake.errors import ToleranceMissedError
+from skinbake.io.atomic import temporary_folder
 from skinbake.io.bake_folder import read_bake_folder
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
@@ -151,7 +151,7 @@ def measure_truth(
     if terms:
         for term in _terms_of(folder):
             other = look.model_copy(update={"terms": look.terms.model_copy(update={term: "off"})})
-            with TemporaryDirectory(prefix="skinbake-") as temporary:
+            with temporary_folder() as temporary:
                 other = other.model_copy(update={"output": other.output.model_copy(update={"dir": temporary})})
                 _bake(other, 0)
                 values = light_baked(Path(temporary), scene.mesh, at)

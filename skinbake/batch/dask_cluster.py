@@ -16,6 +16,7 @@ from typing import Any
 
 from skinbake.batch.process_pool import Listen, Work, fewer_threads
 from skinbake.errors import InputError, MachineError, SkinbakeError
+from skinbake.interrupt import starting_children
 
 LOCAL = "local"
 CONNECT_S = 15
@@ -116,9 +117,10 @@ def _client(address: str, workers: int) -> Iterator[Any]:
         if address == LOCAL:
             stack.enter_context(fewer_threads(workers))
             try:
-                cluster = distributed.LocalCluster(
-                    n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
-                )
+                with starting_children():
+                    cluster = distributed.LocalCluster(
+                        n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
+                    )
             except (OSError, TimeoutError, RuntimeError) as error:
                 raise MachineError(f"--dask local: its {workers} processes did not start: {error}; use -j") from error
             address = stack.enter_context(cluster).scheduler_address

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from skinbake.errors import SkinbakeError
+from skinbake.interrupt import install, starting_children
 from skinbake.kernels.threads import processors
 from skinbake.machine import reuse_freed
 
@@ -128,7 +129,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process: BaseProcess = context.Process(target=_serve, args=(theirs,), daemon=True)
-        self.process.start()
+        with starting_children():
+            self.process.start()
         theirs.close()
         self.name = ""
         self.tries = 0
@@ -173,6 +175,7 @@ def _serve(pipe: Connection) -> None:
     """Loop of a worker process: take a job, pass its events on, send its result, until the other end closes."""
     reuse_freed()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears of it and ends us
+    install(say=False, signals=(signal.SIGTERM,))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     while True:
         try:
@@ -193,7 +196,7 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         connection.wait([parent.sentinel])
-        os._exit(1)
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 @contextmanager

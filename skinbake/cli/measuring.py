@@ -15,13 +15,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError, MachineError, SkinbakeError, ToleranceMissedError
+from skinbake.interrupt import install, starting_children
+from skinbake.io.atomic import temporary_folder
 from skinbake.numerics import Float
 from skinbake.scene.spec import SceneSpec
 
@@ -57,7 +58,8 @@ class Child:
         context = multiprocessing.get_context("spawn")
         self._ours, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        self._process.start()
+        with starting_children():
+            self._process.start()
         theirs.close()
 
     def __enter__(self) -> Child:
@@ -102,6 +104,7 @@ def in_child(task: Callable[..., Any], *arguments: Any) -> Any:
 def _serve(connection: Connection) -> None:
     """Loop of the process: take a task, send its result or its error, until the other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends us
+    install(say=False, signals=(signal.SIGTERM,))
     while True:
         try:
             task, arguments = connection.recv()
@@ -140,7 +143,7 @@ def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str,
         seconds, cpu_seconds, stages, peak_mib, bytes; values (P, 3) and picture (h, w, 3) where they were wanted.
     """
     _warm(spec)
-    with TemporaryDirectory(prefix="skinbake-") as folder:
+    with temporary_folder() as folder:
         cpu = time.process_time()
         manifest = _bake(spec, Path(folder))
         cpu = time.process_time() - cpu
@@ -186,7 +189,7 @@ def measure_reference(spec: SceneSpec, probes: int, picture: bool, at: Probed | 
                 "output": spec.output.model_copy(update={"precision": "float", "compression": "none"}),
             }
         )
-        with TemporaryDirectory(prefix="skinbake-") as folder:
+        with temporary_folder() as folder:
             _bake(fine, Path(folder))
             if spec.terms.transmission != "off":
                 found["values"] += _stored_values(Path(folder), at, through_only=True)
@@ -306,7 +309,7 @@ def _warm(spec: SceneSpec) -> None:
     tiny = spec.model_copy(
         update={"texture": spec.texture.model_copy(update={"size": (48, 48)}), **photons},
     )
-    with TemporaryDirectory(prefix="skinbake-") as folder:
+    with temporary_folder() as folder:
         _bake(tiny, Path(folder))
 
 

@@ -137,13 +137,14 @@ class Measurements:
         """Bring every setting to `repeats` runs, in alternating order; True if Ctrl-C ended it."""
         from skinbake.cli.measuring import Child, in_child
         from skinbake.cli.progress_bar import counted
+        from skinbake.interrupt import saving
 
         todo = list(self._todo(repeats))
         again: Child | None = None  # repeats need no process of their own: the first run has told the memory
         names = {s.reference for s in self.sweep.settings} & set(self.references)
         missing = [name for name in names if self._stored(name) is None]
         try:
-            with counted(len(todo) + 3 * len(missing), "measuring", self.verbosity) as step:
+            with saving(), counted(len(todo) + 3 * len(missing), "measuring", self.verbosity) as step:
                 for name in self.references:
                     if name in missing:
                         start = time.perf_counter()

@@ -8,9 +8,12 @@ import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from skinbake.errors import InputError, MachineError
+from skinbake.interrupt import remove_tree, undone_at_stop
 
 # ... the second part is what OpenImageIO's texture maker adds to the name that it was given
 _TEMPORARY = re.compile(r"\..+\.\d+\.part(\.\w+)?(\.[0-9a-f]{8}\.temp\.\w+)?")
@@ -32,7 +35,7 @@ def atomic_write(path: Path | str) -> Iterator[Path]:
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
-        with explained(path):
+        with explained(path), undone_at_stop(partial(os.unlink, temporary)):
             path.parent.mkdir(parents=True, exist_ok=True)
             temporary.unlink(missing_ok=True)  # a link that somebody put there would lead elsewhere
             yield temporary
@@ -42,6 +45,13 @@ def atomic_write(path: Path | str) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[str]:
+    """Give a new folder in the system's place for temporary files; it is removed with what is in it."""
+    with TemporaryDirectory(prefix="skinbake-") as folder, undone_at_stop(partial(remove_tree, folder)):
+        yield folder
 
 
 def temporary_files(folder: Path) -> list[Path]:

@@ -11,12 +11,13 @@ import errno
 import os
 import platform
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
 from skinbake.errors import InputError
+from skinbake.interrupt import undone_at_stop
 from skinbake.io.atomic import explained, temporary_files
 
 LOCK = ".lock"
@@ -36,6 +37,7 @@ class Lock:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file: tuple[int, int] | None = None
+        self._undone = ExitStack()
         self._lock = FileLock(path, poll_interval=POLL_S, on_acquired=self._sign)
 
     def acquire(self, wait: bool = False) -> bool:
@@ -48,6 +50,15 @@ class Lock:
         MachineError
             Disk full.
         """
+        self._undone = ExitStack()
+        self._undone.enter_context(undone_at_stop(self._remove))
+        try:
+            return self._acquire(wait)
+        finally:
+            if self._file is None:
+                self._undone.close()
+
+    def _acquire(self, wait: bool) -> bool:
         try:
             with explained(self.path):
                 self._lock.acquire(blocking=wait)
@@ -65,11 +76,16 @@ class Lock:
 
     def release(self) -> None:
         """Let go of the lock and remove its file, unless somebody put another one in its place."""
+        self._remove()
+        self._file = None
+        self._undone.close()
+        self._lock.release()
+
+    def _remove(self) -> None:
+        """Remove the lock file, if it is ours."""
         with suppress(OSError):
             if self._file is not None and _identity(os.lstat(self.path)) == self._file:
                 self.path.unlink()
-        self._file = None
-        self._lock.release()
 
     def holder(self) -> str:
         """Holder of the lock, in words; and that it was stopped, where it was."""

@@ -59,6 +59,7 @@ def write_bake(folder: Path, lights="separate", precision="half", energy=True) -
         "lobes": lobes,
         "lights": names,
         "terms": {"energy_conservation": energy, "transmission": False},
+        "bytes": {path.name: path.stat().st_size for path in sorted(out.iterdir())},
     }
     write_manifest(out, manifest)
     return out
