@@ -86,8 +86,8 @@ quick: $(READY)  ## the tests worth running after each edit
 	@$(BIN)/python -m skinbake.preview.setup_gl xvfb
 	@touch $@
 
-faults: $(READY)  ## kill a bake fifty times, and before every step on the disk
-	SKINBAKE_KILLS=50 $(BIN)/python -m pytest tests/cli/test_faults.py
+faults: $(READY)  ## kill bakes fifty times and before every step on the disk, press Ctrl-C a hundred times
+	SKINBAKE_KILLS=50 SKINBAKE_STOPS=34 $(BIN)/python -m pytest tests/cli/test_faults.py tests/cli/test_interrupt.py
 
 check: $(READY)  ## linters and the type checker
 	$(BIN)/ruff check .

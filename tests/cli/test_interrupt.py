@@ -13,14 +13,16 @@ from pathlib import Path
 import pytest
 
 from skinbake.cli import run
+from skinbake.io.mesh import write_obj
 from skinbake.preview.setup_gl import renderer_name
-from tests.cli.test_faults import contents
+from tests.cli.test_faults import LOOK, contents
 from tests.conftest import ROOT
+from tests.shapes import relief
 
 STOPS = int(os.environ.get("SKINBAKE_STOPS", "0"))  # of each verb; `make faults` asks for 34
 LIMIT_S = 2.0
 BATCH = """\
-defaults: {base: BASE, texture: {size: 64}, output: {dir: looks}}
+defaults: {base: BASE, texture: {size: 32}, output: {dir: looks}}
 jobs: [{name: one}, {name: two, lights.key.irradiance: [3, 2, 1]}, {name: three, lights.key.irradiance: [1, 2, 3]}]
 """
 
@@ -59,11 +61,13 @@ class Running:
         return time.monotonic() - begun
 
     def family(self):
-        """Processes of the session that are there still."""
+        """Processes of the session that are there still; one that nobody has asked for its exit code is gone."""
         found = []
         for entry in os.listdir("/proc"):
             try:
-                if entry.isdigit() and os.getsid(int(entry)) == self.process.pid:
+                if not entry.isdigit() or os.getsid(int(entry)) != self.process.pid:
+                    continue
+                if Path(f"/proc/{entry}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX":
                     found.append(Path(f"/proc/{entry}/cmdline").read_bytes().replace(b"\0", b" "))
             except OSError:
                 continue
@@ -101,6 +105,9 @@ def sweep(folder, arguments, moments, seed):
         said = running.said.strip().splitlines()
         fine = running.process.returncode == 130 and needed < LIMIT_S and "Traceback" not in running.said
         fine &= said[-1:] == ["stopped"]
+        end = time.monotonic() + 0.5  # the one that multiprocessing starts for itself hears of it by the closed pipe
+        while running.family() and time.monotonic() < end:
+            time.sleep(0.02)
         left = running.family() + litter(folder)
         if not fine or left:
             wrong.append((round(delay, 3), running.process.returncode, round(needed, 2), running.said[-400:], left))
@@ -109,20 +116,21 @@ def sweep(folder, arguments, moments, seed):
 
 @pytest.fixture(scope="module")
 def look(tmp_path_factory):
-    """The sample head at 128^2."""
+    """The sample head at 128^2, for `make faults`; a small relief else."""
     folder = tmp_path_factory.mktemp("stopped")
-    text = (ROOT / "configs" / "head.yaml").read_text().replace("../data", str(ROOT / "data"))
+    text = (ROOT / "configs" / "head.yaml").read_text().replace("../data", str(ROOT / "data")) if STOPS else LOOK
     (folder / "head.yaml").write_text(text)
+    write_obj(folder / "mesh.obj", relief(segments=24))
     (folder / "batch.yaml").write_text(BATCH.replace("BASE", str(folder / "head.yaml")))
     return folder
 
 
-SMALL = ["--set", "texture.size=128", "--set", "preview.size=[96, 120]", "--quiet"]
+SMALL = ["--set", f"texture.size={128 if STOPS else 32}", "--set", "preview.size=[96, 120]", "--quiet"]
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
 @pytest.mark.parametrize("verb", ["bake", "batch", "preview"])
-@pytest.mark.slow  # a process for each moment: ten seconds
+@pytest.mark.slow  # a process for each moment
 def test_ctrl_c_at_any_moment(look, verb, capsys):
     """130 within two seconds, one line, no child and no unfinished file; the next run ends in the same bytes."""
     if verb == "preview" and renderer_name() is None:
@@ -135,12 +143,12 @@ def test_ctrl_c_at_any_moment(look, verb, capsys):
     }[verb]
     if verb == "preview":
         assert run([*map(str, bake)]) == 0
-    stopped, wrong, took = sweep(look, arguments, STOPS or 3, seed=len(verb))
+    stopped, wrong, took = sweep(look, arguments, STOPS or 2, seed=len(verb))
     with capsys.disabled():
         if STOPS:
             print(f"\n{verb}: stopped {stopped} times, {stopped - len(wrong)} well, at most {max(took):.2f} s")
     assert not wrong, "\n".join(map(str, wrong))
-    assert stopped >= 2
+    assert stopped
     if verb == "bake":
         assert run([*map(str, bake)]) == 0
         assert run([*map(str, bake), "--out", str(look / "alone")]) == 0
@@ -178,7 +186,7 @@ with interrupt.undone_at_stop(partial(os.unlink, "half")):
     ("work", "name", "code"),
     [
         ("import ctypes; ctypes.CDLL(None).sleep(9)", "SIGINT", 130),
-        ("sum(range(10**10))", "SIGINT", 130),
+        ("while True: pass", "SIGINT", 130),
         ("while True:\n        try:\n            time.sleep(9)\n        except BaseException: pass", "SIGINT", 130),
         ("with interrupt.saving():\n        try: time.sleep(9)\n        finally: time.sleep(9)", "SIGINT", 130),
         ("time.sleep(9)", "SIGTERM", 143),

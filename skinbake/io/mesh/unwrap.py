@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from skinbake.errors import InputError
+from skinbake.io.mesh.xatlas_layout import xatlas_layout
 from skinbake.scene.mesh import SkinMesh
 
 
@@ -25,17 +26,12 @@ def unwrap_mesh(mesh: SkinMesh, gutter_texels: int = 4, has_uvs: bool = False) -
     ------
     InputError
         xatlas leaves out or reorders triangles of this mesh.
+    MachineError
+        xatlas has died.
     """
-    import xatlas
-
-    atlas = xatlas.Atlas()
-    atlas.add_mesh(mesh.positions_mm.astype(np.float32), mesh.faces.astype(np.uint32))
-    charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
-    packing.padding = gutter_texels
-    packing.resolution = 1024
-    packing.bilinear = True
-    atlas.generate(charts, packing)
-    vertex, corner, uv = atlas[0]
+    vertex, corner, uv = xatlas_layout(
+        mesh.positions_mm.astype(np.float32), mesh.faces.astype(np.uint32), gutter_texels
+    )
     if not np.array_equal(vertex[corner], mesh.faces):
         raise InputError("xatlas could not unwrap this mesh face by face; clean it of duplicate triangles, or add UVs")
     corner_uv = np.clip(uv[corner].astype(np.float64), 0.0, 1.0)
