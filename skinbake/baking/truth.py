@@ -17,10 +17,12 @@ import skinbake
 from skinbake.atlas import tile_of_face
 from skinbake.atlas.texel_coordinates import local_uv, texel_xy
 from skinbake.baking.bake_look import bake_look
+from skinbake.baking.session import BakeSession
 from skinbake.diffuse.bilinear import read_bilinear
 from skinbake.errors import ToleranceMissedError
 from skinbake.io.atomic import temporary_folder
 from skinbake.io.bake_folder import read_bake_folder
+from skinbake.io.cache import Cache
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.fingerprint import input_hashes
@@ -37,7 +39,7 @@ from skinbake.scene.spec import MapsSpec, SceneSpec, TexturingSpec
 from skinbake.transport.closed import refuse_open
 from skinbake.transport.light_leaving import ESTIMATES, light_leaving
 from skinbake.transport.medium_of_skin import medium_of_skin
-from skinbake.transport.model_error import GroupError, model_error
+from skinbake.transport.model_error import GroupError, TermShare, model_error, term_share
 from skinbake.transport.points import TruthPoints, draw_points
 from skinbake.transport.surface_rays import SurfaceRays
 
@@ -67,9 +69,7 @@ def bare_look(spec: SceneSpec) -> SceneSpec:
     return bare.model_copy(update={"output": bare.output.model_copy(update={"dir": folder})})
 
 
-def measure_truth(
-    spec: SceneSpec, points: int, walks: int, terms: bool, verbosity: int, step: Say
-) -> tuple[dict[str, Any], dict[str, dict[str, GroupError]]]:
+def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosity: int, step: Say) -> dict[str, Any]:
     """Walk, bake what is stale, compare, and write truth.json and the manifest's `error.model`.
 
     Parameters
@@ -85,9 +85,8 @@ def measure_truth(
     Returns
     -------
     dict
-        What truth.json holds.
-    dict of term to errors
-        Of bakes without that term.
+        What truth.json holds: `error`, the distance by group of points; `without`, that of bakes without one of the
+        terms; `split`, what each term takes off.
 
     Raises
     ------
@@ -147,16 +146,13 @@ def measure_truth(
     baked = light_baked(folder, scene.mesh, at)
     whole, noise = mean[ESTIMATES["whole"]], stderr[ESTIMATES["whole"]]
     error = model_error(*_totals(baked, whole, noise), at.weight, at.groups)
-    without = {}
-    if terms:
-        for term in _terms_of(folder):
-            other = look.model_copy(update={"terms": look.terms.model_copy(update={term: "off"})})
-            with temporary_folder() as temporary:
-                other = other.model_copy(update={"output": other.output.model_copy(update={"dir": temporary})})
-                _bake(other, 0)
-                values = light_baked(Path(temporary), scene.mesh, at)
-            without[term] = model_error(*_totals(values, whole, noise), at.weight, at.groups)
-            step(f"without {term}", 0)
+    without: dict[str, dict[str, GroupError]] = {}
+    split: dict[str, dict[str, TermShare]] = {}
+    for term, values in (_without_terms(look, folder, scene.mesh, at) if terms else {}).items():
+        totals = _totals(values, whole, noise)
+        without[term] = model_error(*totals, at.weight, at.groups)
+        split[term] = term_share(baked.sum(axis=1), *totals, at.weight, at.groups)
+        step(f"without {term}", 0)
     truth = {
         "version": skinbake.__version__,
         "medium": {
@@ -170,14 +166,16 @@ def measure_truth(
         "lights": [light.name for light in look.lights],
         "error": error,
         "without": without,
+        "split": split,
         "samples": _samples(look, scene.mesh, at, mean, stderr, baked),
     }
     write_truth(folder, truth)
     model = _summary(_totals(baked, whole, noise), at, error)
+    model["taken_off_rgb"] = {term: share["all"]["rms_rgb"] for term, share in split.items()}
     for bake in {folder, Path(spec.output.dir)}:
         if (bake / MANIFEST).is_file():
             _put_model(bake, model)
-    return truth, without
+    return truth
 
 
 def _runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
@@ -186,10 +184,24 @@ def _runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
     return [(int(part[0]), int(part[-1]) + 1) for part in np.split(numbers, breaks) if len(part)]
 
 
-def _bake(look: SceneSpec, verbosity: int) -> None:
+def _bake(look: SceneSpec, verbosity: int, session: BakeSession | None = None) -> None:
     """Bake what is stale; a missed tolerance is for the comparison to tell."""
     with suppress(ToleranceMissedError):
-        bake_look(look, preview=False, verbosity=verbosity)
+        bake_look(look, preview=False, verbosity=verbosity, session=session)
+
+
+def _without_terms(look: SceneSpec, folder: Path, mesh: SkinMesh, at: TruthPoints) -> dict[str, Float]:
+    """M at the points, (P, L, 3), of bakes without each of the terms that the bake has; light is traced once."""
+    found = {}
+    with temporary_folder() as temporary:
+        session = BakeSession(Cache(Path(temporary, "cache")))
+        for term in _terms_of(folder):
+            out = str(Path(temporary, term))
+            terms = look.terms.model_copy(update={term: "off"})
+            other = look.model_copy(update={"terms": terms, "output": look.output.model_copy(update={"dir": out})})
+            _bake(other, 0, session)
+            found[term] = light_baked(Path(out), mesh, at)
+    return found
 
 
 def _terms_of(folder: Path) -> list[str]:

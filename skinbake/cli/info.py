@@ -77,12 +77,16 @@ def _bake(manifest: dict[str, Any], inputs: dict[str, dict[str, str]]) -> list[s
         lines.append(f"  {lobe['file']:<18} {variance:>9.4g} mm^2  {lobe['method']:<9} {size:<10} weights {weight}")
     lines.append("plan")
     lines += [f"  {'+' if line['kept'] else '-'} {line['term']:<20} {line['why']}" for line in manifest["plan"]]
-    error = manifest["error"]
-    if error:
+    error = manifest["error"] or {}
+    if "rms" in error:
         lines.append(
-            f"error    rms {error['rms']:.3%}, p95 {error['p95']:.3%}, max {error['max']:.3%}, "
+            f"blur     rms {error['rms']:.3%}, p95 {error['p95']:.3%}, max {error['max']:.3%}, "
             f"{error['probes']} probes (method {error['method']:.3%}, storage {error['storage']:.3%}, "
             f"fit {', '.join(f'{e:.2%}' for e in error['fit'])})"
+        )
+    if model := error.get("model"):
+        lines.append(
+            f"model    rms {model['rms']:.1%} +- {model['stderr']:.1%} from light transport, {model['points']} points"
         )
     if manifest["timings"]:
         lines.append("seconds  " + ", ".join(f"{stage} {s:.2f}" for stage, s in manifest["timings"].items()))

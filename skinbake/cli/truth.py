@@ -51,30 +51,36 @@ def command(
     chart = folder / "truth.png"
     refuse_inputs([chart, folder / NAME, folder / WALKS], [config, *every_input(look)])
     with counted(points, "walking", verbosity) as step:
-        truth, without = measure_truth(look, points, walks, terms, max(0, verbosity - 1), step)
-    write_truth_chart(chart, f"{Path(config).name}: {points} points, {walks} walks", truth["error"], without)
+        truth = measure_truth(look, points, walks, terms, max(0, verbosity - 1), step)
+    write_truth_chart(chart, f"{Path(config).name}: {points} points, {walks} walks", truth["error"], truth["split"])
     if as_json:
-        print(json.dumps({name: truth[name] for name in ("medium", "error", "without")}, indent=1))
+        print(json.dumps({name: truth[name] for name in ("medium", "error", "without", "split")}, indent=1))
     elif verbosity:
-        _print(truth["error"], without)
+        _print(truth["error"], truth["split"])
         print(f"{folder / 'truth.json'}, truth.png", file=sys.stderr)
 
 
-def _print(error: dict[str, Any], without: dict[str, Any]) -> None:
+def _print(error: dict[str, Any], split: dict[str, Any]) -> None:
     """Tables on the terminal."""
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(soft_wrap=True, width=120)
-    table = Table(title="distance from light transport, rms % (R, G, B)")
-    for column in ("skin", "points", "rms", "stderr", "bias", *(f"without {term}" for term in without)):
-        table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)
-
     def row(values: list[float]) -> str:
         return " ".join(f"{100 * value:.1f}" for value in values)
 
+    console = Console(soft_wrap=True, width=120)
+    table = Table(title="the model's error: distance from light transport, rms % (R, G, B)")
+    for column in ("skin", "points", "rms", "stderr", "bias"):
+        table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)
     for name, found in error.items():
-        others = [row(each[name]["rms_rgb"]) for each in without.values()]
-        cells = (row(found[key]) for key in ("rms_rgb", "stderr_rgb", "bias_rgb"))
-        table.add_row(name, str(found["points"]), *cells, *others)
+        table.add_row(name, str(found["points"]), *(row(found[key]) for key in ("rms_rgb", "stderr_rgb", "bias_rgb")))
+    console.print(table)
+    if not split:
+        return
+    table = Table(title="what each term takes off it (standard error), and the rest, rms % (R, G, B)")
+    for column in ("skin", *split, "rest"):
+        table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)
+    for name, found in error.items():
+        shares = [f"{row(of[name]['rms_rgb'])} ({100 * max(of[name]['stderr_rgb']):.1f})" for of in split.values()]
+        table.add_row(name, *shares, row(found["rms_rgb"]))
     console.print(table)

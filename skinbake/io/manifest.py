@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 
 from skinbake.io.atomic import write_text
 from skinbake.io.config import parse_scene
@@ -29,17 +29,33 @@ class _Entry(Record):
     method: str
 
 
+class _Model(Record):
+    """Distance from light transport, as `truth` measured it."""
+
+    rms: float
+    stderr: float
+    points: int
+
+
 class _Error(Record):
-    """Measured error; there is no relative error of no light."""
+    """Measured errors: the blur's, if there were probes, and the model's; there is no relative error of no light."""
 
     model_config = ConfigDict(allow_inf_nan=True)
-    rms: float
-    p95: float
-    max: float
-    probes: int
-    method: float
-    storage: float
-    fit: list[float]
+    rms: float | None = None
+    p95: float | None = None
+    max: float | None = None
+    probes: int | None = None
+    method: float | None = None
+    storage: float | None = None
+    fit: list[float] | None = None
+    model: _Model | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> _Error:
+        blur = [value is None for name, value in self if name != "model"]
+        if any(blur) and not (all(blur) and self.model):
+            raise ValueError("expected rms, p95, max, probes, method, storage and fit")
+        return self
 
 
 class _PlanLine(Record):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from skinbake.io.figures import png_figure
-from skinbake.transport.model_error import GroupError
+from skinbake.transport.model_error import GroupError, TermShare
 
 # Grey values differ as well as hues
 COLOURS = ("#b2182b", "#4dac26", "#2166ac")
@@ -16,16 +16,16 @@ DPI = 110
 
 
 def write_truth_chart(
-    path: Path, title: str, error: Mapping[str, GroupError], without: Mapping[str, Mapping[str, GroupError]]
+    path: Path, title: str, error: Mapping[str, GroupError], split: Mapping[str, Mapping[str, TermShare]]
 ) -> None:
-    """Write the chart: bars with standard errors; on the right, the same of all skin with one term switched off.
+    """Write the chart: bars with standard errors; on the right what each term takes off, and the rest.
 
     Parameters
     ----------
     path : Path
     title : str
     error : mapping of group to GroupError
-    without : mapping of term to the errors of a bake without it
+    split : mapping of term to the share of each group
         The right panel is left out where there are none.
 
     Raises
@@ -33,20 +33,29 @@ def write_truth_chart(
     InputError, MachineError
         The file cannot be written.
     """
-    with png_figure(path, DPI, figsize=(14 if without else 9, 5)) as figure:
-        axes = figure.subplots(1, 2 if without else 1, squeeze=False, sharey=True)
+    with png_figure(path, DPI, figsize=(15 if split else 9, 5)) as figure:
+        axes = figure.subplots(1, 2 if split else 1, squeeze=False)
         names = [f"{name}\n{found['points']} points" for name, found in error.items()]
         _bars(axes[0, 0], names, list(error.values()))
         axes[0, 0].set_title(title, parse_math=False)
         axes[0, 0].set_ylabel("distance from light transport, rms %")
-        if without:
-            bars = {"as it is": error["all"]} | {f"without\n{term}": found["all"] for term, found in without.items()}
-            _bars(axes[0, 1], list(bars), list(bars.values()))
-            axes[0, 1].set_title("all skin, one term switched off at a time")
+        if split:
+            shown = [name for name in ("all", "thin", "creases") if name in error]
+            labels, bars = [], []
+            for name in shown:
+                for term, share in split.items():
+                    labels.append(f"{term},\n{name}")
+                    bars.append(share[name])
+                labels.append(f"rest,\n{name}")
+                bars.append(error[name])
+            _bars(axes[0, 1], labels, bars)
+            axes[0, 1].tick_params(axis="x", rotation=60)
+            axes[0, 1].axhline(0, color="black", linewidth=0.8)
+            axes[0, 1].set_title("what each term takes off, and the rest")
         figure.tight_layout()
 
 
-def _bars(axes, names: list[str], errors: list[GroupError]) -> None:  # type: ignore[no-untyped-def]
+def _bars(axes, names: list[str], errors: Sequence[GroupError | TermShare]) -> None:  # type: ignore[no-untyped-def]
     """Draw three bars a name, R, G and B."""
     place = np.arange(len(names))
     for channel, colour in enumerate(COLOURS):

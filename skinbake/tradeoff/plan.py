@@ -8,6 +8,7 @@ import numpy as np
 
 from skinbake.diffuse.methods import METHODS
 from skinbake.irradiance.decide import decide
+from skinbake.profile.skin_medium import skin_medium
 from skinbake.scene.skin import DipoleSkin, LayerSpec, MultipoleSkin, TransportSkin
 from skinbake.scene.spec import SceneSpec
 
@@ -78,7 +79,8 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     level = EXTENTS.index(extent)
     # Terms that `auto` decides by the tolerance must not change along the way
     oil = "on" if decide(spec).energy_conservation.enabled else "off"
-    base = (_size(size, 1), "diffusion.probes=0", "terms.transmission=off", f"terms.energy_conservation={oil}")
+    off = ("terms.incidence=off", "terms.interreflection=off", "terms.transmission=off")
+    base = (_size(size, 1), "diffusion.probes=0", *off, f"terms.energy_conservation={oil}")
     finest_skin = _finest_skin(spec)
     references = [
         Reference(
@@ -154,7 +156,10 @@ def _terms(spec: SceneSpec, base: Overrides, level: int) -> list[tuple[Reference
         "energy conservation": ("terms.energy_conservation=on", "terms.energy_conservation=off"),
         "separate": ("diffusion.separate=true", "diffusion.separate=false"),
         "transmission": ("terms.transmission=on", "terms.transmission=off"),
+        "interreflection": ("terms.interreflection=on", "terms.interreflection=off"),
     }
+    if skin_medium(spec.skin).layers:
+        on_off["incidence"] = ("terms.incidence=on", "terms.incidence=off")
     if level == 2:
         on_off["shadows"] = ("shadows=true", "shadows=false")
     found = []

@@ -81,3 +81,52 @@ def _of_group(baked: Float, truth: Float, stderr: Float, weight: Float) -> Group
         "bias_rgb": safe_div((weight * (baked - truth)).sum(axis=0), (weight * truth).sum(axis=0)).tolist(),
         "noise_rgb": safe_div(np.sqrt((weight * noise).sum(axis=0)), norm).tolist(),
     }
+
+
+class TermShare(TypedDict):
+    """What a term takes off a group's distance from transport, by channel.
+
+    Attributes
+    ----------
+    rms_rgb : list of float
+        Distance without the term, less that with it; negative where it does harm.
+    stderr_rgb : list of float
+        Standard error of that, from the walks' noise.
+    """
+
+    rms_rgb: list[float]
+    stderr_rgb: list[float]
+
+
+def term_share(
+    baked: Float, without: Float, truth: Float, stderr: Float, weight: Float, groups: Mapping[str, NDArray[np.bool_]]
+) -> dict[str, TermShare]:
+    """Relative rms that a term takes off, of all skin ("all") and of each group.
+
+    Parameters
+    ----------
+    baked, without : ndarrays of shape (P, 3)
+        M of the bake, and of one without the term.
+    truth, stderr, weight, groups
+        As in `model_error`.
+
+    Returns
+    -------
+    dict of str to TermShare
+        Groups without points are left out.
+    """
+    with_it, without_it = (model_error(each, truth, stderr, weight, groups) for each in (baked, without))
+    everywhere = {"all": np.ones(len(weight), np.bool_)} | dict(groups)
+    found: dict[str, TermShare] = {}
+    for name, before in without_it.items():
+        mine = everywhere[name]
+        w, noise = weight[mine, None], stderr[mine]
+        norm = np.sqrt((w * truth[mine] ** 2).sum(axis=0))
+        first, second = np.array(before["rms_rgb"]), np.array(with_it[name]["rms_rgb"])
+        # The difference of the squares knows the walks only through 2 (without - baked) truth
+        spread = np.sqrt((w**2 * (2 * (without[mine] - baked[mine])) ** 2 * noise**2).sum(axis=0))
+        found[name] = {
+            "rms_rgb": (first - second).tolist(),
+            "stderr_rgb": safe_div(safe_div(spread, norm**2), first + second).tolist(),
+        }
+    return found

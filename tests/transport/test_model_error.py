@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skinbake.transport.model_error import model_error
+from skinbake.transport.model_error import model_error, term_share
 
 
 def test_noise_is_not_the_bake_s_error():
@@ -47,3 +47,20 @@ def test_shapes_are_checked():
         model_error(np.ones((2, 3)), np.ones((3, 3)), np.ones((3, 3)), np.ones(3), {})
     with pytest.raises(ValueError, match="empty"):
         model_error(np.ones((0, 3)), np.ones((0, 3)), np.ones((0, 3)), np.ones(0), {})
+
+
+def test_a_term_takes_off_what_a_bake_without_it_is_further_away():
+    """Exact without noise; with noise within the error that is told, which is less than that of each distance."""
+    rng = np.random.default_rng(2)
+    exact = 0.5 + rng.random((3000, 3))
+    baked, without = exact * [1.02, 0.9, 1.0], exact * [0.9, 0.95, 1.0]
+    groups = {"edges": np.arange(3000) < 1000}
+    for noise in (0.0, 0.1):
+        stderr = noise * exact
+        truth = exact + stderr * rng.standard_normal(exact.shape)
+        share = term_share(baked, without, truth, stderr, np.ones(3000), groups)
+        for name in ("all", "edges"):
+            got, told = np.array(share[name]["rms_rgb"]), np.array(share[name]["stderr_rgb"])
+            assert np.all(np.abs(got - [0.08, -0.05, 0.0]) <= 3 * told + 1e-9)
+            assert np.all(told < 0.02)
+        assert noise == 0 or share["all"]["stderr_rgb"][0] > 0
