@@ -99,11 +99,11 @@ def _claim_near_edges(
     for band in range(first, stop):
         first_row, row_end = band * BAND_ROWS, min((band + 1) * BAND_ROWS, height)
         # Distances squared; texels that hold a chart point already are closed
-        best = np.full((row_end - first_row, width), radius_texels * radius_texels, dtype=np.float32)
+        best = np.empty((row_end - first_row, width), np.float32)
         for row in range(first_row, row_end):
             for col in range(width):
-                if face_index[row, col] != NO_FACE:
-                    best[row - first_row, col] = -1.0
+                closed = face_index[row, col] != NO_FACE
+                best[row - first_row, col] = -1.0 if closed else radius_texels * radius_texels
         # Each edge claims the texels to which it is nearer than all before it
         for item in range(start[band], start[band + 1]):
             face, k = edges[items[item]] // 3, edges[items[item]] % 3

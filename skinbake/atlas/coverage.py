@@ -45,7 +45,9 @@ def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.in
             start[b + 1] += 1
     for b in range(bands):
         start[b + 1] += start[b]
-    fill = start[:-1].copy()
+    fill = np.empty(bands, dtype=np.int64)
+    for b in range(bands):
+        fill[b] = start[b]
     items = np.empty(start[bands], dtype=np.int64)
     for i in range(len(low_y)):
         for b in range(first[i], last[i] + 1):
@@ -54,7 +56,7 @@ def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.in
     return start, items
 
 
-@kernel
+@kernel(inner=True)
 def _edge(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
     """Twice the signed area of (a, b, p), texels^2, evaluated in one vertex order.
 
@@ -72,8 +74,8 @@ def _edge(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> f
     return -((ax - bx) * (py - by) - (ay - by) * (px - bx))
 
 
-@kernel
-def _clip(poly: Float, n: int, axis: int, keep_above: bool, bound: float, out: Float) -> int:
+@kernel(inner=True)
+def _clip(poly: Float, n: int, axis: int, side: float, bound: float, out: Float) -> int:
     """Clip a polygon against one axis-aligned line (Sutherland-Hodgman); the number of corners left.
 
     Parameters
@@ -83,18 +85,17 @@ def _clip(poly: Float, n: int, axis: int, keep_above: bool, bound: float, out: F
         Corners of the polygon.
     axis : int
         0 for the line x = bound, 1 for y = bound.
-    keep_above : bool
-        Keep the side of the greater coordinate.
+    side : float
+        1 keeps what lies above the bound, -1 what lies below.
     bound : float
     out : ndarray of shape (at least n + 1, 2)
         The clipped polygon is written here.
     """
     m = 0
-    sign = 1.0 if keep_above else -1.0
     for i in range(n):
-        j = (i + 1) % n
-        di = sign * (poly[i, axis] - bound)
-        dj = sign * (poly[j, axis] - bound)
+        j = i + 1 if i + 1 < n else 0
+        di = side * (poly[i, axis] - bound)
+        dj = side * (poly[j, axis] - bound)
         if di >= 0.0:
             out[m, 0], out[m, 1] = poly[i, 0], poly[i, 1]
             m += 1
@@ -107,7 +108,7 @@ def _clip(poly: Float, n: int, axis: int, keep_above: bool, bound: float, out: F
     return m
 
 
-@kernel
+@kernel(inner=True)
 def _twice_area(poly: Float, n: int) -> float:
     """Twice the signed area of a polygon's first n corners."""
     total = 0.0
@@ -161,6 +162,7 @@ def _rasterize_bands(
 ) -> None:
     """`rasterize_coverage` of bands `first` to `stop`."""
     height, width = face_index.shape
+    x, y = np.int64(0), np.int64(1)  # not literals: numba would compile `_clip` for each
     for band in range(first, stop):
         row_end = min((band + 1) * BAND_ROWS, height)
         strip = np.empty((9, 2))
@@ -181,8 +183,8 @@ def _rasterize_bands(
                 # The part of the triangle in this row of texels gives the columns it can touch
                 for i in range(3):
                     strip[i, 0], strip[i, 1] = corner_xy[f, i, 0], corner_xy[f, i, 1]
-                n = _clip(strip, 3, 1, True, float(row), other)
-                n = _clip(other, n, 1, False, row + 1.0, strip)
+                n = _clip(strip, np.int64(3), y, 1.0, float(row), other)
+                n = _clip(other, n, y, -1.0, row + 1.0, strip)
                 if n < 3:
                     continue
                 left, right = strip[0, 0], strip[0, 0]
@@ -202,8 +204,8 @@ def _rasterize_bands(
                     if e0 >= r0 and e1 >= r1 and e2 >= r2:
                         share = 1.0
                     else:
-                        m = _clip(strip, n, 0, True, float(col), poly)
-                        m = _clip(poly, m, 0, False, col + 1.0, other)
+                        m = _clip(strip, n, x, 1.0, float(col), poly)
+                        m = _clip(poly, m, x, -1.0, col + 1.0, other)
                         share = 0.5 * abs(_twice_area(other, m)) if m >= 3 else 0.0
                     shares[row - first_row, col] += share
                     areas[row - first_row, col] += share * mm2_per_texel[f]

@@ -145,7 +145,8 @@ def _sum(
             if clear[ray]:
                 oil = 1.0
                 if table.size > 0:
-                    oil = min(max(1.0 - strength[i] * albedo_at(table, cosine, roughness[i], f0), 0.0), 1.0)
+                    albedo = albedo_at(table, np.float64(cosine), np.float64(roughness[i]), f0)
+                    oil = min(max(1.0 - strength[i] * albedo, 0.0), 1.0)
                 passed_r, passed_g, passed_b = passed_r + of_r * oil, passed_g + of_g * oil, passed_b + of_b * oil
                 passed += of_r + of_g + of_b
             ray += 1

@@ -72,7 +72,7 @@ def _integrate_each(cos_theta: Float, roughness: Float, slope_rule: Float, azimu
         out[i, 0], out[i, 1] = below[0] + above[0], below[1] + above[1]
 
 
-@kernel
+@kernel(inner=True)
 def _slope_integral(
     c: float, m: float, start: float, stop: float, slope_rule: Float, azimuth_rule: Float
 ) -> tuple[float, float]:
@@ -92,8 +92,9 @@ def _slope_integral(
     for j in range(slope_rule.shape[1]):
         slope = start + (stop - start) * slope_rule[0, j]
         radial = (stop - start) * slope_rule[1, j] * slope * np.exp(-slope * slope)  # exp(-t) dt / 2
-        cos_a = 1 / np.sqrt(1 + (slope * m) ** 2)
-        side = slope * m * cos_a * sin_view  # sin_a sin_view
+        tan_a = slope * m
+        cos_a = 1 / np.sqrt(1 + tan_a * tan_a)
+        side = tan_a * cos_a * sin_view  # sin_a sin_view
 
         # N.L > 0 bounds the azimuth, so the integrand is smooth: V.H > c / (2 N.H)
         if side == 0:
@@ -104,7 +105,9 @@ def _slope_integral(
             # V.H, N.L and F by the half vector, theory.md 6.5
             v_dot_h = side * np.cos(limit * azimuth_rule[0, k]) + c * cos_a
             azimuth = 2 * limit * azimuth_rule[1, k] * max(2 * v_dot_h * cos_a - c, 0.0) / (v_dot_h * cos_a)
-            schlick = min(max(1 - v_dot_h, 0.0), 1.0) ** 5
+            away = min(max(1 - v_dot_h, 0.0), 1.0)
+            away2 = away * away
+            schlick = away * (away2 * away2)
             total += radial * azimuth * (1 - schlick)
             schlick_total += radial * azimuth * schlick
     return total, schlick_total
@@ -125,7 +128,7 @@ def specular_albedo_table() -> Float:
     return table
 
 
-@kernel
+@kernel(inner=True)
 def albedo_at(table: Float, cos_theta: float, roughness: float, f0: float) -> float:
     """Albedo A(c, m) for rho_s = 1, read bilinearly from the table; for use inside numba kernels.
 

@@ -118,7 +118,7 @@ def light_rectangle(
     return arriving, facing.astype(np.float32)
 
 
-@kernel
+@kernel(inner=True)
 def _above_horizon(poly: Float, count: int, nx: float, ny: float, nz: float, out: Float) -> int:
     """The part of a polygon above a plane through the origin; the number of corners left.
 
@@ -147,7 +147,7 @@ def _above_horizon(poly: Float, count: int, nx: float, ny: float, nz: float, out
     return m
 
 
-@kernel
+@kernel(inner=True)
 def rectangle_irradiance(
     shape: Float, px: float, py: float, pz: float, nx: float, ny: float, nz: float, poly: Float, clipped: Float
 ) -> float:
@@ -248,7 +248,7 @@ def _contour(
                 arriving[row, col] = rectangle_irradiance(shape, px, py, pz, nx, ny, nz, poly, clipped)
 
 
-@kernel
+@kernel(inner=True)
 def _hash(x: np.uint64) -> np.uint64:
     """Random 64 bits for a number [Steele2014]: every texel and sample has its own, whoever asks and when."""
     x ^= x >> np.uint64(30)
@@ -334,5 +334,5 @@ def _sample(
             sent[i, s] = cos_mapped * leaving / (distance * distance)
             passed[i, s] = sent[i, s] * bump_terminator(cos_mapped, cos_smooth)
             if table.size > 0:
-                share = 1.0 - strength[i] * albedo_at(table, cos_mapped, roughness[i], f0)
+                share = 1.0 - strength[i] * albedo_at(table, np.float64(cos_mapped), np.float64(roughness[i]), f0)
                 passed[i, s] *= min(max(share, 0.0), 1.0)

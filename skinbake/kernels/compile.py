@@ -12,6 +12,7 @@ import builtins
 import contextlib
 import dis
 import enum
+import gc
 import hashlib
 import inspect
 import os
@@ -30,7 +31,7 @@ import llvmlite
 import numba
 import numpy as np
 from numba import types
-from numba.core import config
+from numba.core import config, event
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
@@ -49,7 +50,7 @@ _VERSIONS = (
 )
 
 
-def kernel(function: Callable[..., Any] | None = None, *, inline: bool = False) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, inline: bool = False, inner: bool = False) -> Any:
     """Have numba compile a function, its machine code kept on the disk; it runs without the interpreter's lock.
 
     Loops over threads are `skinbake.kernels.threads`' task: numba's own cost three times the compiling.
@@ -60,11 +61,17 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: bool = False) 
         What to compile; left out where the decorator has options.
     inline : bool
         Whether callers take in the body before types are inferred, instead of calling it.
+    inner : bool
+        Called by other kernels alone: no entry for Python, whose unpacking of arguments has to be compiled too.
     """
     if function is None:
-        return lambda function: kernel(function, inline=inline)
-    # No entry for C code: nobody calls kernels from there
-    options: dict[str, Any] = {"no_cfunc_wrapper": True, "inline": "always" if inline else "never"}
+        return lambda function: kernel(function, inline=inline, inner=inner)
+    options: dict[str, Any] = {
+        "inline": "always" if inline else "never",
+        "no_cpython_wrapper": inner,
+        "no_cfunc_wrapper": True,  # nobody calls kernels from C
+        "error_model": "numpy",  # as arrays divide: without a way out by an exception behind each division
+    }
     compiled: Any = numba.njit(nogil=True, **options)(function)
     if _is_kernel(compiled):  # numba leaves functions as they are under NUMBA_DISABLE_JIT
         compiled._cache = _KernelCache(compiled)
@@ -241,6 +248,31 @@ def cache_folders() -> tuple[Path, ...]:
         if stat.S_ISDIR(mine.st_mode) and mine.st_uid == os.getuid() and not mine.st_mode & 0o022:
             found.append(temporary)
     return tuple(found)
+
+
+class _Compiling(event.Listener):
+    """Has the collector of cycles rest while numba compiles: it looks through all that a compiler remembers, in vain.
+
+    A tenth of the time. Compiling is behind numba's lock, so that one thread at a time is counted here.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._collect = False
+
+    def on_start(self, event: Any) -> None:
+        if self._depth == 0:
+            self._collect = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0 and self._collect:
+            gc.enable()
+
+
+event.register("numba:compile", _Compiling())
 
 
 class _KernelCache(_Cache):

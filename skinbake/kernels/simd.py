@@ -18,7 +18,8 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, models, overload, register_model
+from numba.core.typing.templates import AbstractTemplate, infer_global
+from numba.extending import intrinsic, lower_builtin, models, register_model
 
 from skinbake.kernels.compile import kernel
 
@@ -117,27 +118,15 @@ def _wide(builder: Any, signature: Any, values: Any) -> list[Any]:
     return [value if isinstance(kind, _LanesType) else _spread(builder, value) for value, kind in pairs]
 
 
-def _binary(generate: Any) -> Any:
-    @intrinsic
-    def both(typing: Any, a: Any, b: Any) -> Any:
-        return _signature(a, b), lambda context, builder, signature, args: generate(
-            builder, *_wide(builder, signature, args)
-        )
+@intrinsic
+def same(typing: Any, a: Any, b: Any) -> Any:
+    """1 in each lane where two are equal, else 0."""
 
-    return both
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        equal = builder.fcmp_ordered("==", *_wide(builder, signature, args))
+        return builder.select(equal, ir.Constant(_VECTOR, [1.0] * LANES), ir.Constant(_VECTOR, [0.0] * LANES))
 
-
-_add = _binary(lambda builder, a, b: builder.fadd(a, b))
-_subtract = _binary(lambda builder, a, b: builder.fsub(a, b))
-_multiply = _binary(lambda builder, a, b: builder.fmul(a, b))
-_divide = _binary(lambda builder, a, b: builder.fdiv(a, b))
-_least = _binary(lambda builder, a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b))
-_most = _binary(lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))
-same = _binary(
-    lambda builder, a, b: builder.select(
-        builder.fcmp_ordered("==", a, b), ir.Constant(_VECTOR, [1.0] * LANES), ir.Constant(_VECTOR, [0.0] * LANES)
-    )
-)
+    return _signature(a, b), generate
 
 
 def _across(combine: Any) -> Any:
@@ -202,25 +191,35 @@ def mul_add(typing: Any, a: Any, b: Any, c: Any) -> Any:
     return _signature(a, b, c), generate
 
 
-def _overload(function: Any, both: Any) -> None:
-    """Lanes with lanes, and with a scalar on either side."""
+def _operator(generate: Any, *functions: Any) -> None:
+    """Give operators of Python a meaning for lanes with lanes, and with a scalar on either side.
 
-    @overload(function, inline="always")
-    def typed(a, b):  # type: ignore[no-untyped-def]  # numba wants the same signature inside and out
-        lanes = [isinstance(kind, _LanesType) for kind in (a, b)]
-        if any(lanes) and all(lane or isinstance(kind, types.Float) for lane, kind in zip(lanes, (a, b), strict=True)):
-            return lambda a, b: both(a, b)
-        return None
+    As numba gives its own numbers theirs: an overload would be inlined, and typed, at each place that it is used.
+    """
+
+    class Typed(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            lanes = [isinstance(kind, _LanesType) for kind in args]
+            scalars = [isinstance(kind, types.Float) for kind in args]
+            if len(args) == 2 and any(lanes) and all(map(operator.or_, lanes, scalars)):
+                return _signature(*args)
+            return None
+
+    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return generate(builder, *_wide(builder, signature, args))
+
+    for function in functions:
+        infer_global(function)(type(f"Lanes_{function.__name__}", (Typed,), {"key": function}))
+        for kinds in ((_LanesType, _LanesType), (_LanesType, types.Float), (types.Float, _LanesType)):
+            lower_builtin(function, *kinds)(lower)
 
 
-_overload(operator.add, _add)
-_overload(operator.iadd, _add)
-_overload(operator.sub, _subtract)
-_overload(operator.mul, _multiply)
-_overload(operator.imul, _multiply)
-_overload(operator.truediv, _divide)
-_overload(min, _least)
-_overload(max, _most)
+_operator(lambda builder, a, b: builder.fadd(a, b), operator.add, operator.iadd)
+_operator(lambda builder, a, b: builder.fsub(a, b), operator.sub)
+_operator(lambda builder, a, b: builder.fmul(a, b), operator.mul, operator.imul)
+_operator(lambda builder, a, b: builder.fdiv(a, b), operator.truediv)
+_operator(lambda builder, a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b), min)
+_operator(lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b), max)
 
 
 @kernel(inline=True)

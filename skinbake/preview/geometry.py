@@ -100,15 +100,22 @@ def _distinct(owner: NDArray[np.int32], split: Float, owners: int) -> tuple[NDAr
         Place in `first` of the corner that each one equals.
     """
     first, number = np.empty(len(owner), np.intp), np.empty(len(owner), np.intp)
-    last, before = np.full(owners, -1, np.intp), np.empty(len(owner), np.intp)
+    last, before = np.empty(owners, np.intp), np.empty(len(owner), np.intp)
+    for k in range(owners):
+        last[k] = -1
     found = 0
     for i in range(len(owner)):
         k = last[owner[i]]
-        while k >= 0 and not np.all(split[first[k]] == split[i]):
+        while k >= 0:
+            same = True
+            for c in range(split.shape[1]):
+                same = same and split[first[k], c] == split[i, c]
+            if same:
+                break
             k = before[k]
         if k < 0:
             k = found
             first[k], before[k], last[owner[i]] = i, last[owner[i]], k
             found += 1
         number[i] = k
-    return first[:found].copy(), number
+    return first[:found], number

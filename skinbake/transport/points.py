@@ -115,7 +115,7 @@ def _sources(lights: Sequence[LightSpec], centre_mm: Float) -> Float:
     return np.array(found).reshape(-1, 10)
 
 
-@kernel
+@kernel(inner=True)
 def _frame(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit vectors across a normal."""
     sign = 1.0 if nz >= 0.0 else -1.0
@@ -124,7 +124,7 @@ def _frame(nx, ny, nz):  # type: ignore[no-untyped-def]
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
-@kernel
+@kernel(inner=True)
 def _sees(rays, buffer, source, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
     """0: faces away from the light, 1: faces it and other skin hides it, 2: lit."""
     lx, ly, lz, distance, reach = towards(source, x, y, z)

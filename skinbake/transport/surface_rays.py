@@ -130,7 +130,7 @@ def _library() -> Any:
     return rtc
 
 
-@kernel
+@kernel(inner=True)
 def ray_buffer():  # type: ignore[no-untyped-def]
     """Room for a ray on a boundary that Embree wants, as float32, as uint32, and its address; one for each thread."""
     room = np.empty(RAY_FLOATS + _ALIGN, np.float32)

@@ -74,7 +74,7 @@ class WalkLights(NamedTuple):
     share: Float
 
 
-@kernel
+@kernel(inner=True)
 def _share_at(share, cosine):  # type: ignore[no-untyped-def]
     """Share of arriving light that enters, linear between the table's cosines."""
     x = min(max(cosine, 0.0), 1.0) * (len(share) - 1)
@@ -82,7 +82,7 @@ def _share_at(share, cosine):  # type: ignore[no-untyped-def]
     return share[i] + (x - i) * (share[i + 1] - share[i])
 
 
-@kernel
+@kernel(inner=True)
 def _normal_at(rays, f, b1, b2):  # type: ignore[no-untyped-def]
     """Unit normal of the smooth surface; the flat one's where the two disagree."""
     b0 = 1.0 - b1 - b2
@@ -96,7 +96,7 @@ def _normal_at(rays, f, b1, b2):  # type: ignore[no-untyped-def]
     return x / length, y / length, z / length
 
 
-@kernel
+@kernel(inner=True)
 def _turned(ux, uy, uz, cosine, azimuth):  # type: ignore[no-untyped-def]
     """Unit direction at an angle to another."""
     sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
@@ -111,7 +111,7 @@ def _turned(ux, uy, uz, cosine, azimuth):  # type: ignore[no-untyped-def]
     return vx * scale, vy * scale, vz * scale
 
 
-@kernel
+@kernel(inner=True)
 def _phase(g, cosine):  # type: ignore[no-untyped-def]
     """Henyey-Greenstein, per steradian."""
     if g == 0.0:
@@ -120,7 +120,7 @@ def _phase(g, cosine):  # type: ignore[no-untyped-def]
     return 0.25 / math.pi * (1.0 - g * g) / (d * math.sqrt(d))
 
 
-@kernel
+@kernel(inner=True)
 def _fly(rays, buffer, px, py, pz, dx, dy, dz, depth, reach):  # type: ignore[no-untyped-def]
     """Go straight until the skin ends or for `reach`.
 
@@ -145,7 +145,7 @@ def _fly(rays, buffer, px, py, pz, dx, dy, dz, depth, reach):  # type: ignore[no
     return reach, -1, 0.0, 0.0, depth
 
 
-@kernel
+@kernel(inner=True)
 def _beyond(rays, buffer, px, py, pz, dx, dy, dz, distance, eta, faint_mm):  # type: ignore[no-untyped-def]
     """From outside to a light: whether skin is in the way, its length in mm, and what passes its faces.
 
@@ -172,7 +172,7 @@ def _beyond(rays, buffer, px, py, pz, dx, dy, dz, distance, eta, faint_mm):  # t
     return blocked, inside, passes
 
 
-@kernel
+@kernel(inner=True)
 def _focus(rays, f, nx, ny, nz, wx, wy, wz, cos_out, cos_in, eta, way_mm):  # type: ignore[no-untyped-def]
     """How much a curved face concentrates a beam on its way of `way_mm` below it; 1 for a plane.
 
@@ -203,7 +203,7 @@ def _focus(rays, f, nx, ny, nz, wx, wy, wz, cos_out, cos_in, eta, way_mm):  # ty
     return min(max(before / max(after, 1e-12 * before), 0.25), 4.0)
 
 
-@kernel
+@kernel(inner=True)
 def _across(v, ux, uy, uz):  # type: ignore[no-untyped-def]
     """Area of two edges' parallelogram as seen along a direction."""
     return abs(
@@ -213,7 +213,7 @@ def _across(v, ux, uy, uz):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
+@kernel(inner=True)
 def _to_light(kind, source, px, py, pz, u, v):  # type: ignore[no-untyped-def]
     """Unit direction to a light or to a point (u, v) of it, distance, and irradiance on a plane that faces it."""
     if kind == PUNCTUAL:
@@ -230,7 +230,7 @@ def _to_light(kind, source, px, py, pz, u, v):  # type: ignore[no-untyped-def]
     return x, y, z, distance, max(0.0, -(x * nx + y * ny + z * nz)) / (distance * distance)
 
 
-@kernel
+@kernel(inner=True)
 def _look_for(  # type: ignore[no-untyped-def]
     rays, buffer, kind, source, casts, share, eta, faint_mm, px, py, pz, depth, nx, ny, nz, u, v
 ):
@@ -294,7 +294,7 @@ def _look_for(  # type: ignore[no-untyped-def]
     return sent * gain, ux, uy, uz, way, blocked, inside, passes
 
 
-@kernel
+@kernel(inner=True)
 def _radiance(sky, rotate, x, y, z, channel):  # type: ignore[no-untyped-def]
     """Radiance of a sky from a direction, as `direction_of` lays its map out."""
     height, width = sky.shape[0], sky.shape[1]

@@ -19,6 +19,7 @@ from skinbake.kernels.threads import parallel_for
 
 LEVELS = 6  # blocks of up to 64 x 64 texels
 MIN_ALIGNMENT = 0.8  # |mean of unit normals| below this: the block bends too much to be one cluster
+_MIN_ALIGNMENT2 = MIN_ALIGNMENT**2
 _MOMENTS = 8  # area, centroid x y z, spread, normal x y z
 
 
@@ -71,7 +72,7 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> Momen
 @kernel(inline=True)
 def is_cluster(moments, max_spread_mm2):  # type: ignore[no-untyped-def]
     """Whether a block's skin is small enough, and flat enough, to be one source."""
-    aligned = moments[5] ** 2 + moments[6] ** 2 + moments[7] ** 2 >= MIN_ALIGNMENT**2
+    aligned = moments[5] * moments[5] + moments[6] * moments[6] + moments[7] * moments[7] >= _MIN_ALIGNMENT2
     return moments[0] > 0 and moments[4] <= max_spread_mm2 and aligned
 
 
@@ -96,9 +97,9 @@ def _contrast(first, stop, moments, radiosity, start, width, changes):  # type: 
         if moments[k, 0] <= 0:
             continue
         row, col = k // width[0], k % width[0]
-        change, fine = np.float32(0), radiosity[k].sum()
+        change, fine = np.float32(0), _sum(radiosity[k])
         for level in (1, 3, 5):
-            coarse = radiosity[start[level] + (row >> level) * width[level] + (col >> level)].sum()
+            coarse = _sum(radiosity[start[level] + (row >> level) * width[level] + (col >> level)])
             change += abs(fine - coarse)
             fine = coarse
         block = start[1] + (row >> 1) * width[1] + (col >> 1)
@@ -108,6 +109,15 @@ def _contrast(first, stop, moments, radiosity, start, width, changes):  # type: 
         stretched = np.log(max(np.float32(12) * moments[block, 4] / mean_area, np.float32(1)))
         around = np.float32(0.3) * fine
         changes[k] = change + (min(uneven, np.float32(2)) + min(stretched, np.float32(4))) * around
+
+
+@kernel(inline=True)
+def _sum(values):  # type: ignore[no-untyped-def]
+    """Sum of a row of float32, in its order."""
+    total = np.float32(0)
+    for k in range(len(values)):
+        total += values[k]
+    return total
 
 
 @kernel
@@ -129,7 +139,7 @@ def bending(pyramid: MomentPyramid) -> NDArray[np.float32]:
     bend = np.zeros((len(pyramid.moments), pyramid.radiosity.shape[1] // 3), np.float32)
     stop = np.append(pyramid.start[1:], len(bend))
     for start, end, width in zip(pyramid.start, stop, pyramid.width, strict=True):
-        area, light = pyramid.moments[start:end, 0], pyramid.radiosity[start:end]
+        area, light = pyramid.moments[start:end, 0].copy(), pyramid.radiosity[start:end]
         parallel_for(_bending, len(area), area, light, width, bend[start:end])
     return bend
 

@@ -16,6 +16,8 @@ from skinbake.diffuse.surface_space.pair_rule import pair_weight
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.diffuse.surface_space.sources import (
     AMPLITUDE,
+    GROUPS,
+    LEAVES,
     LIGHT,
     NARROWING,
     NORMAL,
@@ -49,10 +51,12 @@ CUT_ERROR = 0.1  # measured: normalised sums cut at k sigma are wrong by this ex
 _CUT_SHARE = 0.1  # of the tolerance
 _BLOCK = 4  # x 4 texels are a batch, where all are targets and near one another
 _SQUARE = 8  # x 8 texels share batches, where few are
+_ACROSS = _SQUARE // _BLOCK  # blocks along a square
 _TILE = 16  # x 16 texels begin their searches at the same groups
 _AHEAD = 2  # leaves that are on their way from memory while one is summed
 _NORMAL, _RATE, _SUMS = 3, 6, 7  # rows of sixteen in the scratch memory: x y z, normal, -1 / 64 v, sums
 _ZERO, _HALF = np.float32(0), np.float32(0.5)
+_ONE = np.int64(1)
 _TINY = np.float32(1e-20)
 
 
@@ -144,7 +148,8 @@ def _gather(  # type: ignore[no-untyped-def]
                     taken, count = 0, _members_of(row_of, share, row, col, members)
                     while taken < count:
                         taken = _take_near(members, taken, count, position, texel_mm2, variance_mm2, cut, batch)
-                        stack[:begins] = begin[:begins]
+                        for i in range(begins):
+                            stack[i] = begin[i]
                         _gather_batch(
                             batch, flat_index, position, normal, texel_mm2, leaves, leaf.shape[1] * LANES, boxes,
                             first_group, variance_mm2, table, cut, separate, faint, density, first_light, share, lanes,
@@ -157,8 +162,8 @@ def _members_of(row_of, share, top, left, members):  # type: ignore[no-untyped-d
     """List the targets of a square, block after block; how many there are."""
     height, width = row_of.shape
     count = 0
-    for block in range((_SQUARE // _BLOCK) ** 2):
-        row, col = top + block // (_SQUARE // _BLOCK) * _BLOCK, left + block % (_SQUARE // _BLOCK) * _BLOCK
+    for block in range(_ACROSS * _ACROSS):
+        row, col = top + block // _ACROSS * _BLOCK, left + block % _ACROSS * _BLOCK
         for r in range(row, min(row + _BLOCK, height)):
             for c in range(col, min(col + _BLOCK, width)):
                 if row_of[r, c] >= 0 and (len(share) == 0 or share[r, c] > 0):
@@ -167,13 +172,14 @@ def _members_of(row_of, share, top, left, members):  # type: ignore[no-untyped-d
     return count
 
 
-@kernel
+@kernel(inner=True)
 def _begin_near_tile(  # type: ignore[no-untyped-def]
     row_of, share, top, left, position, texel_mm2, boxes, first_group, variance_mm2, table, cut, low, high, stack,
     found, begin,
 ):  # fmt: skip
     """Where the search of all of a tile's batches begins: groups near the tile, the root if these are too many."""
-    low[:], high[:] = np.inf, -np.inf
+    for axis in range(3):
+        low[axis], high[axis] = np.inf, -np.inf
     widest = np.float32(-1)
     for r in range(top, min(top + _TILE, row_of.shape[0])):
         for c in range(left, min(left + _TILE, row_of.shape[1])):
@@ -188,7 +194,7 @@ def _begin_near_tile(  # type: ignore[no-untyped-def]
     if len(first_group) > 1:
         reach = cut * np.sqrt(np.float32(lattice_variance(variance_mm2, widest, table)))
         stack[0] = root
-        count = near_boxes(low, high, reach * reach, boxes, first_group, stack, 1, 1, found)
+        count = near_boxes(low, high, reach * reach, boxes, first_group, stack, _ONE, GROUPS, found)
         if count <= len(begin):
             for i in range(count):
                 begin[i] = tree_node(found[i], 0)
@@ -215,7 +221,8 @@ def _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, ba
             batch[taken] = k
             taken += 1
         here += 1
-    batch[taken:] = batch[taken - 1]
+    for lane in range(taken, LANES):
+        batch[lane] = batch[taken - 1]
     return first + taken
 
 
@@ -249,21 +256,21 @@ def _gather_batch(  # type: ignore[no-untyped-def]
     ax, ay, az = ax / length, ay / length, az / length
     closest = least_lane(mul_add(nx, ax, mul_add(ny, ay, nz * az)))
     sine = np.sqrt(max(np.float32(1) - closest * closest, _ZERO)) if closest > 0 else np.float32(2)
-    within2 = (radius + np.sqrt(far2)) ** 2
+    within = radius + np.sqrt(far2)
 
     # The first light's three sums stay in registers, those of further lights in `lanes`
     total = broadcast(_ZERO)
     red, green, blue = broadcast(_ZERO), broadcast(_ZERO), broadcast(_ZERO)
     for c in range(further):
         store(lanes, (_SUMS + 4 + c) * LANES, total)
-    count = near_boxes(low, high, radius * radius, boxes, first_group, stack, begins, 0, found)
+    count = near_boxes(low, high, radius * radius, boxes, first_group, stack, begins, LEAVES, found)
     for i in range(count):
         ahead = found[min(i + _AHEAD, count - 1)] * size
         for row in range(first_row + 3):
             prefetch(leaves, ahead + row * LANES)
         base = found[i] * size
         bits = near_sources(leaves, base, low, high, radius * radius) & sources_around(
-            leaves, base, cx, cy, cz, within2
+            leaves, base, cx, cy, cz, within * within
         )
         opposite = opposite_sources(leaves, base, ax, ay, az, sine) if separate else 0
         while bits != 0:

@@ -166,7 +166,7 @@ def _extend(  # type: ignore[no-untyped-def]
             _continue_plane(corner_xy[f], corner_mm[f], dx, dy, away, beyond, face_mm2[f], position[n])
 
 
-@kernel
+@kernel(inner=True)
 def _continue_plane(xy, mm, dx, dy, away, beyond, mm2, position):  # type: ignore[no-untyped-def]
     """Move a position by the face's affine map of a step of (dx, dy) texels, as far as its mean texel lets it."""
     e1x, e1y = xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]

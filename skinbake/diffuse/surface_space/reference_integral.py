@@ -14,6 +14,7 @@ from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_varian
 from skinbake.diffuse.surface_space.pair_rule import pair_weight
 from skinbake.diffuse.surface_space.sources import (
     AMPLITUDE,
+    LEAVES,
     LIGHT,
     NORMAL,
     STACK,
@@ -31,6 +32,7 @@ CUT_SIGMA = 6.0
 _PIECE = 16  # points
 _AHEAD = 8  # of them are on their way from memory
 _LEAVES = 32  # whose weights are computed side by side
+_ONE = np.int64(1)
 _ROUNDING = 1 + 1e-4  # of the search's float32: what lies just within the cut is never missed
 
 
@@ -103,7 +105,8 @@ def _integrate(  # type: ignore[no-untyped-def]
         variance = lattice_variance(variance_mm2, at_texel_mm2[p], table)
         radius2 = cut * cut * variance
         stack[0] = tree_node(0, len(first_group) - 1)
-        count = near_boxes(at, at, np.float32(radius2 * _ROUNDING), boxes, first_group, stack, 1, 0, found)
+        within2 = np.float32(radius2 * _ROUNDING)
+        count = near_boxes(at, at, within2, boxes, first_group, stack, _ONE, LEAVES, found)
         for some in range(0, count, _LEAVES):
             near = found[some : min(some + _LEAVES, count)]
             _distances2(near, leaf, np.float64(at[0]), np.float64(at[1]), np.float64(at[2]), weight)
@@ -111,16 +114,19 @@ def _integrate(  # type: ignore[no-untyped-def]
             if separate:
                 _keep_apart(near, leaf, at, normal[p], weight)
             _add(near, leaf, weight, sums)
-        total = sums[0].sum()
-        for c in range(out.shape[1]):
-            out[p, c] = sums[1 + c].sum()
+        total = _sum(sums, 0)
         if not normalise:
-            out[p] *= lattice_gain(variance_mm2, at_texel_mm2[p], table) / (2 * np.pi * variance_mm2)
-        elif total > 0:
-            out[p] /= total
+            scale = lattice_gain(variance_mm2, at_texel_mm2[p], table) / (2 * np.pi * variance_mm2)
+        for c in range(out.shape[1]):
+            value = _sum(sums, 1 + c)
+            if not normalise:
+                value *= scale
+            elif total > 0:
+                value /= total
+            out[p, c] = value
 
 
-@kernel
+@kernel(inner=True)
 def _distances2(near, leaf, x, y, z, distance2):  # type: ignore[no-untyped-def]
     leaves, rows = leaf.reshape(-1), leaf.shape[1]
     for i in range(len(near)):
@@ -131,10 +137,21 @@ def _distances2(near, leaf, x, y, z, distance2):  # type: ignore[no-untyped-def]
         for lane in range(leaf.shape[2]):
             dx, dy, dz = np.float64(at[0, lane]) - x, np.float64(at[1, lane]) - y, np.float64(at[2, lane]) - z
             distance2[i, lane] = dx * dx + dy * dy + dz * dz
-    distance2[len(near) :] = np.inf
+    for i in range(len(near), len(distance2)):
+        for lane in range(distance2.shape[1]):
+            distance2[i, lane] = np.inf
 
 
-@kernel
+@kernel(inline=True)
+def _sum(sums, row):  # type: ignore[no-untyped-def]
+    """All lanes of a row of sums as one, in their order."""
+    total = 0.0
+    for lane in range(sums.shape[1]):
+        total += sums[row, lane]
+    return total
+
+
+@kernel(inner=True)
 def _keep_apart(near, leaf, at, normal, weight):  # type: ignore[no-untyped-def]
     nx, ny, nz = np.float64(normal[0]), np.float64(normal[1]), np.float64(normal[2])
     leaves, size = leaf.reshape(-1), leaf.shape[1] * LANES
@@ -158,7 +175,7 @@ def _keep_apart(near, leaf, at, normal, weight):  # type: ignore[no-untyped-def]
                     )
 
 
-@kernel
+@kernel(inner=True)
 def _add(near, leaf, weight, sums):  # type: ignore[no-untyped-def]
     """Add the weights of leaves' sources, and their light, lane by lane."""
     for i in range(len(near)):
@@ -171,7 +188,7 @@ def _add(near, leaf, weight, sums):  # type: ignore[no-untyped-def]
                 sums[1 + c, lane] += w[lane] * at[LIGHT + c, lane]
 
 
-@kernel
+@kernel(inner=True)
 def _gaussians(x, rate, most):  # type: ignore[no-untyped-def]
     """exp(-rate x) in place, 0 for x > `most`; to 1e-10 of itself where rate x <= 18.
 

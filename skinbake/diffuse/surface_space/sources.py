@@ -23,6 +23,7 @@ from skinbake.kernels.simd import LANES, bits_below, load, lowest_bit, mul_add
 from skinbake.kernels.threads import parallel_for
 
 NORMAL, NARROWING, AMPLITUDE, LIGHT = 3, 6, 7, 8  # rows of a leaf; x y z come first
+LEAVES, GROUPS = np.int64(0), np.int64(1)  # levels of boxes: what `near_boxes` looks for
 STACK = 16 * LANES  # of `near_boxes`: a tree of any size needs half of it, the groups to begin from may take the rest
 _FAR2 = np.float32(64)  # squared distance to the next source, in areas of the larger: beyond a leaf's own skin
 _NOWHERE = np.float32(1e18)
@@ -129,8 +130,10 @@ def _no_boxes(count: int) -> NDArray[np.float32]:
 def _enclose(first, stop, child, parent):  # type: ignore[no-untyped-def]
     for k in range(first, stop):
         for axis in range(3):
-            parent[k // LANES, axis, k % LANES] = child[k, axis].min()
-            parent[k // LANES, 3 + axis, k % LANES] = child[k, 3 + axis].max()
+            low, high = _NOWHERE, -_NOWHERE
+            for lane in range(LANES):
+                low, high = min(low, child[k, axis, lane]), max(high, child[k, 3 + axis, lane])
+            parent[k // LANES, axis, k % LANES], parent[k // LANES, 3 + axis, k % LANES] = low, high
 
 
 @kernel
@@ -167,7 +170,8 @@ def _walk(  # type: ignore[no-untyped-def]
                     px, py, pz, mine = position[k, 0], position[k, 1], position[k, 2], area[k]
             if what < 0:
                 continue
-            far2 = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+            dx, dy, dz = px - x, py - y, pz - z
+            far2 = dx * dx + dy * dy + dz * dz
             if lane == 0 or lane == LANES or far2 > _FAR2 * max(mine, before):
                 leaves += 1
                 lane = 0
@@ -184,7 +188,7 @@ def _write(  # type: ignore[no-untyped-def]
     first, stop, order, begin, count, flat_index, position, normal, area, light, moments, mean, variance, leaf, box,
 ):  # fmt: skip
     for root in range(first, stop):
-        k, lane = begin[root] - 1, LANES
+        k, lane = begin[root] - 1, np.int64(LANES)
         for i in range(count[root]):
             what = order[root, i]
             if what < 0:
@@ -217,12 +221,12 @@ def _write(  # type: ignore[no-untyped-def]
             _close(leaf[k], lane)
 
 
-@kernel
+@kernel(inner=True)
 def _close(leaf, sources):  # type: ignore[no-untyped-def]
     """Fill the places of a leaf beyond its sources."""
     for lane in range(sources, LANES):
-        leaf[:, lane] = _ZERO
-        leaf[:3, lane] = _NOWHERE
+        for row in range(len(leaf)):
+            leaf[row, lane] = _NOWHERE if row < 3 else _ZERO
 
 
 @kernel(inline=True)
@@ -248,7 +252,8 @@ def near_boxes(low, high, radius2, boxes, first_group, stack, depth, bottom, fou
     stack : ndarray of shape (STACK,), int64
         Its first `depth` entries are the groups to begin from: `tree_node`s.
     bottom : int
-        0: boxes of leaves; 1: boxes of groups of leaves; ...
+        `LEAVES`, `GROUPS`, ...: the level whose boxes are found. As int64, like `depth`: for a literal number numba
+        would compile once more.
     found : ndarray, int64
     """
     count = 0

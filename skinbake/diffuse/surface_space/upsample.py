@@ -55,7 +55,7 @@ def least_sigma(coarse: TexelPoints, fine: TexelPoints, gap: float = MAX_GAP) ->
     parallel_for(
         _least_sigma,
         2 * height,
-        position,
+        position.reshape(-1),
         widest,
         fine.row,
         fine.position,
@@ -124,11 +124,11 @@ def _widest_step(first, stop, row_of, position, widest):  # type: ignore[no-unty
 def _least_sigma(first, stop, coarse, widest, row_of, position, gap, miss, sigma):  # type: ignore[no-untyped-def]
     height, width = widest.shape
     for r in range(first, stop):
-        line = np.empty((width, 3), np.float32)
+        line = np.empty(width * 3, np.float32)
         y0 = _first_of(r)
         inside = y0 >= 0 and y0 + 3 < height
         if inside:
-            _blend_rows(coarse, r, line.reshape(-1))
+            _blend_rows(coarse, r, line)
         for c in range(sigma.shape[1]):
             x0 = _first_of(c)
             k = row_of[r, c]
@@ -146,14 +146,16 @@ def _least_sigma(first, stop, coarse, widest, row_of, position, gap, miss, sigma
 def _interpolate(first, stop, coarse, least_sigma_mm, sigma_mm, out, left):  # type: ignore[no-untyped-def]
     lights, _, width, _ = coarse.shape
     for r in range(first, stop):
-        safe = least_sigma_mm[r] <= sigma_mm
-        if not safe.any():
+        some = False
+        for c in range(left.shape[1]):
+            some |= least_sigma_mm[r, c] <= sigma_mm
+        if not some:
             continue
-        line = np.empty((width, 3), np.float32)
+        line = np.empty(width * 3, np.float32)
         for light in range(lights):
-            _blend_rows(coarse[light], r, line.reshape(-1))
+            _blend_rows(coarse[light].reshape(-1), r, line)
             for c in range(left.shape[1]):
-                if safe[c]:
+                if least_sigma_mm[r, c] <= sigma_mm:
                     left[r, c] = -1
                     for q in range(3):
                         out[light, r, c, q] = max(_blend(line, c, q), np.float32(0))
@@ -165,23 +167,23 @@ def _first_of(fine):  # type: ignore[no-untyped-def]
     return (fine - 1) // 2 - 1
 
 
-@kernel
+@kernel(inner=True)
 def _blend_rows(coarse, r, line):  # type: ignore[no-untyped-def]
     """line = the four rows around fine row r, weighted; flat over (width, C)."""
-    size, flat = len(line), coarse.reshape(-1)
+    size = len(line)
     y0 = _first_of(r)
     w0, w1, w2, w3 = _weights(r)
-    a, b = flat[y0 * size : (y0 + 1) * size], flat[(y0 + 1) * size : (y0 + 2) * size]
-    c, d = flat[(y0 + 2) * size : (y0 + 3) * size], flat[(y0 + 3) * size : (y0 + 4) * size]
+    a, b = coarse[y0 * size : (y0 + 1) * size], coarse[(y0 + 1) * size : (y0 + 2) * size]
+    c, d = coarse[(y0 + 2) * size : (y0 + 3) * size], coarse[(y0 + 3) * size : (y0 + 4) * size]
     for k in range(size):
         line[k] = w0 * a[k] + w1 * b[k] + w2 * c[k] + w3 * d[k]
 
 
 @kernel(inline=True)
 def _blend(line, c, q):  # type: ignore[no-untyped-def]
-    x0 = _first_of(c)
+    at = 3 * _first_of(c) + q
     w0, w1, w2, w3 = _weights(c)
-    return w0 * line[x0, q] + w1 * line[x0 + 1, q] + w2 * line[x0 + 2, q] + w3 * line[x0 + 3, q]
+    return w0 * line[at] + w1 * line[at + 3] + w2 * line[at + 6] + w3 * line[at + 9]
 
 
 @kernel(inline=True)

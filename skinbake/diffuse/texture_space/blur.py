@@ -188,7 +188,7 @@ def blur_at(
         kernels = _between(level_kernel(pyramid, variance_texels2, level, axis), between)
         first.append(np.rint(place).astype(np.int64) - kernels.shape[1] // 2)
         which.append(index)
-        weights.append(kernels)
+        weights.append(np.ascontiguousarray(kernels))
     values = np.zeros((len(at[0]), image.shape[2]))
     parallel_for(
         _weighted_windows, len(values),
@@ -228,6 +228,15 @@ def _weighted_windows(  # type: ignore[no-untyped-def]
             for c in range(channels):
                 total[c] += wx[j] * column[(j - low) * channels + c]
         out[p, channels - 1] = total[-1]
-        if total[-1] > no_coverage * wy.max() * wx.max():
+        if total[-1] > no_coverage * _most(wy) * _most(wx):
             for c in range(channels - 1):
                 out[p, c] = total[c] / total[-1]
+
+
+@kernel(inline=True)
+def _most(weights):  # type: ignore[no-untyped-def]
+    """Largest of positive weights."""
+    most = 0.0
+    for k in range(len(weights)):
+        most = max(most, weights[k])
+    return most

@@ -133,7 +133,8 @@ def _shares(  # type: ignore[no-untyped-def]
         for col in range(columns):
             k = row_of[row, col]
             if k < 0:
-                share[:, row, col] = 0
+                for light in range(len(means)):
+                    share[light, row, col] = 0
                 continue
             uneven, block = _unevenness(
                 row, col, area[k], texel_mm2[k], coverage[row, col], start, width, level, floats
@@ -178,7 +179,8 @@ def _unevenness(row, col, area, shorter2, coverage, start, width, level, floats)
     variance, mean_shorter2, mean_longer2 = floats[0], floats[1], floats[2]
     uneven, block = _MOST_UNEVEN, np.int64(-1)
     if area > 0 and coverage > 0 and shorter2 > 0:
-        longer2 = max((area / coverage) ** 2 / shorter2, shorter2)
+        texel2 = area / coverage
+        longer2 = max(texel2 * texel2 / shorter2, shorter2)
         shorter_ratio = max(shorter2 / mean_shorter2, mean_shorter2 / shorter2)
         longer_ratio = max(longer2 / mean_longer2, mean_longer2 / longer2)
         uneven = min(max(shorter_ratio, longer_ratio) - _ONE, _MOST_UNEVEN)

@@ -86,7 +86,7 @@ def _blur(first, stop, image, margin, kernel_y, kernel_x, fallback, epsilon, out
                     to, count = i * length + start + left, min(_STRIP, n - left)
                     _weigh(flat, (top + begin) * n + left, n, kernel_y[begin:end], lines, to, count)
             for i in range(rows):
-                _weigh(lines, i * length, channels, kernel_x, both, 0, n)
+                _weigh(lines, i * length, channels, kernel_x, both, np.int64(0), n)
                 _divide(both, margin, lights, top_row + i, epsilon, fallback, out)
                 if len(mass):
                     for col in range(mass.shape[1]):
@@ -128,7 +128,7 @@ def _divide(both, margin, lights, row, epsilon, fallback, out):  # type: ignore[
                     out[k, row, col, c] = np.float32(0)
 
 
-@kernel
+@kernel(inner=True)
 def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-untyped-def]
     """to[at + i] = sum_k weights[k] source[start + k stride + i] for i < count, all flat."""
     i = 0
@@ -210,9 +210,11 @@ def _decimate(  # type: ignore[no-untyped-def]
                         if 0 <= col < width:
                             for c in range(channels):
                                 parts[side, m * channels + c] = line[col * channels + c]
-                _weigh(parts[0], 0, channels, weight_even, whole, 0, columns * channels)
-                _weigh(parts[1], 0, channels, weight_odd, odd, 0, columns * channels)
-                whole += odd
+                none = np.int64(0)
+                _weigh(parts[0], none, channels, weight_even, whole, none, columns * channels)
+                _weigh(parts[1], none, channels, weight_odd, odd, none, columns * channels)
+                for k in range(columns * channels):
+                    whole[k] += odd[k]
                 continue
             for j in range(columns):
                 start = i * length + pad + min(max(first_x[j], -taps), width) * channels
