@@ -33,7 +33,8 @@ def bake(look: SceneSpec | Path | str, verbosity: int = 0) -> BakedSkin:
     look : SceneSpec or path
         From `load_look`, or the file itself. `output.dir` is not used.
     verbosity : int
-        0 says nothing, 1 a line a stage on stderr, 2 more.
+        0 says nothing, 1 a line a stage on stderr, 2 more. Logger `skinbake` tells at level INFO when kernels are
+        compiled, which the first bake does for a quarter of a minute.
 
     Returns
     -------
@@ -55,8 +56,9 @@ def bake(look: SceneSpec | Path | str, verbosity: int = 0) -> BakedSkin:
     session, log = BakeSession(keep=False), StageLog(verbosity)
     inputs = BakeInputs(spec, session, log)
     stages = look_stages(inputs, MemoryStore(), session, log)
-    refuse_spoilt_look(inputs, stages)
-    baked = pipeline.bake(stages)
+    with log.telling_of_compiling():
+        refuse_spoilt_look(inputs, stages)
+        baked = pipeline.bake(stages)
     lobes = baked.diffuse.lobes
     return BakedSkin(
         spec,

@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from skinbake import pipeline
-from skinbake.baking.folder_bake import folder_bake
+from skinbake.baking.folder_bake import FolderBake, folder_bake
 from skinbake.baking.look_stages import refuse_spoilt_look
 from skinbake.baking.manifest import finish_manifest, manifest_of
 from skinbake.baking.preview_worker import PreviewWorker
@@ -14,6 +14,7 @@ from skinbake.baking.report import refuse_missed, report
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stages.preview import PreviewStage
 from skinbake.baking.stages.textures import TexturesStage
+from skinbake.pipeline import Baked
 from skinbake.scene.spec import SceneSpec
 
 
@@ -51,9 +52,28 @@ def bake_look(
     """
     start = time.perf_counter()
     bake = folder_bake(spec, force, verbosity, session)
+    log, folder = bake.log, bake.results.folder
+    log.say(f"baking into {folder}")
+    with log.telling_of_compiling():
+        manifest, baked = _bake_into_folder(bake, preview, start)
+    log.say(f"done in {time.perf_counter() - start:.2f} s: {folder}")
+    refuse_missed(spec, baked)
+    return manifest
+
+
+def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[dict[str, Any], Baked]:
+    """Run the stages and write their files, the picture among them; the manifest, and what was baked.
+
+    Parameters
+    ----------
+    bake : FolderBake
+    preview : bool
+        End with a picture.
+    start : float
+        When the bake began, by `time.perf_counter`.
+    """
     inputs, results, log = bake.inputs, bake.results, bake.log
     stages = bake.stages()
-    log.say(f"baking into {results.folder}")
     refuse_spoilt_look(inputs, stages)
     with results.open(preview), PreviewWorker() as worker:
         picture = PreviewStage(inputs, stages, results, worker, log)
@@ -65,7 +85,7 @@ def bake_look(
                 picture.result()  # while the files are written
         finally:  # what was baked is whole, also without a picture
             results.finish_writing()
-            if spec.output.tx:
+            if inputs.spec.output.tx:
                 TexturesStage(stages, results, log).result()
             if not preview:
                 picture.load()  # a picture of these very lobes stays
@@ -74,6 +94,4 @@ def bake_look(
             manifest["timings"]["total"] = time.perf_counter() - start
             finish_manifest(results, manifest)
             report(log, baked, (manifest["error"] or {}).get("model"))
-    log.say(f"done in {time.perf_counter() - start:.2f} s: {results.folder}")
-    refuse_missed(spec, baked)
-    return manifest
+    return manifest, baked

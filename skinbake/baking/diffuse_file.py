@@ -33,7 +33,7 @@ def diffuse_file(spec: SceneSpec, irradiance: str, force: bool = False, verbosit
     paths = {tile: tile_path(path, tile, udim) for tile in bake.inputs.tiles}
     maps = tuple(read_irradiance(file, tile, spec.texture.size) for tile, file in paths.items())
     given = GivenIrradiance(maps, [sha256_of(file) for file in paths.values()], bake.inputs, bake.log)
-    with bake.results.open(given=tuple(paths.values())):
+    with bake.log.telling_of_compiling(), bake.results.open(given=tuple(paths.values())):
         baked = pipeline.bake(bake.stages(given))
         bake.results.finish_writing()
         manifest = manifest_of(bake.inputs, bake.results, bake.log, baked) | {"lights": list(maps[0].lights)}

@@ -19,7 +19,8 @@ def light_look(spec: SceneSpec, force: bool = False, verbosity: int = 1) -> Path
     """
     bake = folder_bake(spec, force, verbosity)
     stages = bake.stages()
-    refuse_spoilt_look(bake.inputs, stages)
-    with bake.results.open():
-        stages.irradiance.result()
+    with bake.log.telling_of_compiling():
+        refuse_spoilt_look(bake.inputs, stages)
+        with bake.results.open():
+            stages.irradiance.result()
     return bake.results.folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 from skinbake.pipeline import Stage
@@ -63,6 +63,12 @@ class StageLog:
         self.reused[name] = reused()
         self.on_event({"event": "stage end", "stage": name, "seconds": seconds, "reused": self.reused[name]})
         self.say(f"  {name:<12}" + ("as it was" if self.reused[name] else f"{seconds:6.2f} s"))
+
+    def telling_of_compiling(self) -> AbstractContextManager[None]:
+        """Show on stderr, unless all is quiet, when kernels are compiled within the block."""
+        from skinbake.baking.compile_notice import compile_notice
+
+        return compile_notice() if self.verbosity else nullcontext()
 
     def say(self, text: str, level: int = 1) -> None:
         """Tell the person at the terminal, on stderr, if `verbosity` is `level` or more."""

@@ -15,6 +15,7 @@ import enum
 import gc
 import hashlib
 import inspect
+import logging
 import os
 import pickle
 import platform
@@ -38,7 +39,10 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.extending import is_jitted
 
+from skinbake.kernels.watch_compiling import tell_watchers
+
 _KEPT_DAYS = 30
+_LOG = logging.getLogger(__name__)
 _LOADS_CONSTANT = frozenset(dis.hasconst)
 _SWITCHES = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK")  # of the environment: NUMBA_OPT ...
 _VERSIONS = (
@@ -251,25 +255,41 @@ def cache_folders() -> tuple[Path, ...]:
 
 
 class _Compiling(event.Listener):
-    """Has the collector of cycles rest while numba compiles: it looks through all that a compiler remembers, in vain.
+    """Tells of kernels that are compiled, and has the collector of cycles rest meanwhile.
 
-    A tenth of the time. Compiling is behind numba's lock, so that one thread at a time is counted here.
+    That one looks, in vain, through all that a compiler remembers: a tenth of the time. Compiling is behind numba's
+    lock, so that one thread at a time is counted here; what a kernel calls is compiled inside it.
     """
 
     def __init__(self) -> None:
         self._depth = 0
-        self._collect = False
+        self._told = self._collect = False
 
     def on_start(self, event: Any) -> None:
-        if self._depth == 0:
-            self._collect = gc.isenabled()
-            gc.disable()
         self._depth += 1
+        if self._depth > 1:
+            return
+        self._collect = gc.isenabled()
+        gc.disable()
+        if not self._told:
+            _LOG.info("compiling kernels, once ...")
+            self._told = True
+        tell_watchers(_name(event.data["dispatcher"]), True)
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
-        if self._depth == 0 and self._collect:
+        if self._depth:
+            return
+        if self._collect:
             gc.enable()
+        name = _name(event.data["dispatcher"])
+        _LOG.debug("compiled %s", name)
+        tell_watchers(name, False)
+
+
+def _name(compiled: Dispatcher) -> str:
+    """Module and name of a kernel."""
+    return f"{compiled.py_func.__module__}.{compiled.py_func.__qualname__}"
 
 
 event.register("numba:compile", _Compiling())

@@ -1,0 +1,84 @@
+"""Whoever waits for kernels to be compiled is told so, and nobody else."""
+
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+from tests.conftest import ROOT
+
+LIBRARY = """
+from skinbake.kernels.compile import kernel
+
+@kernel
+def half(x):
+    return x / 2
+
+@kernel
+def quarter(x):
+    return half(half(x))
+"""
+RUN = """
+import sys
+from skinbake.baking.stage_log import StageLog
+log = StageLog(int(sys.argv[1]))
+with log.telling_of_compiling():
+    import library
+    print(library.quarter(8.0), library.quarter(16.0))
+    log.say("  a stage")
+"""
+
+
+@pytest.fixture
+def python(tmp_path):
+    """What a fresh interpreter says on stderr that bakes with this library; the cache is kept between calls."""
+    (tmp_path / "library.py").write_text(LIBRARY)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{ROOT}"}
+
+    def run(*command, stderr=subprocess.PIPE):
+        done = subprocess.run(
+            [sys.executable, "-c", *command], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=stderr
+        )
+        assert (done.returncode, done.stdout) == (0, b"2.0 4.0\n"), done.stderr
+        return (done.stderr or b"").decode()
+
+    return run
+
+
+def test_a_line_tells_of_compiling_the_first_time(python):
+    """Where stderr is no terminal; nothing once the machine code is on the disk."""
+    said = python(RUN, "1").splitlines()
+    assert said[:2] == ["  compiling kernels, once ...", "  a stage"]
+    assert said[2].startswith("  compiled 1 kernel in ")  # `half` is part of it
+    assert python(RUN, "1").splitlines() == ["  a stage"]
+
+
+def test_quiet_says_nothing(python):
+    """Also while it compiles."""
+    assert python(RUN, "0") == ""
+
+
+def test_a_bar_on_a_terminal(python):
+    """Drawn while a kernel is compiled; lines of stages stand whole above it."""
+    ours, theirs = pty.openpty()
+    try:
+        python(RUN, "1", stderr=theirs)
+        said = os.read(ours, 1 << 16).decode()
+    finally:
+        os.close(ours)
+        os.close(theirs)
+    assert "compiling kernels, once ..." in said
+    assert "━" in said
+    assert "  a stage\r\n" in said
+    assert "compiled 1 kernel" in said
+
+
+def test_programs_are_told_through_logging(python):
+    """At level INFO, once a process; with each name at level DEBUG."""
+    code = "import logging; logging.basicConfig(level={0}, format='%(message)s')\nimport library\n" + (
+        "logging.getLogger('numba').setLevel(30)\nprint(library.quarter(8.0), library.quarter(16.0))"
+    )
+    assert python(code.format("'DEBUG'")) == "compiling kernels, once ...\ncompiled library.quarter\n"
+    assert python(code.format("'DEBUG'")) == ""
