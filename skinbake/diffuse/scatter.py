@@ -16,6 +16,7 @@ from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
+from skinbake.profile.skin_medium import skin_medium
 from skinbake.scene.decision import Decisions
 from skinbake.scene.spec import SceneSpec
 
@@ -79,6 +80,7 @@ def scatter(
         terms.transmission,
         spec.diffusion.tolerance,
         None if terms.transmission == "off" else scene.occluder,
+        skin_medium(spec.skin),
     )
     return replace(diffused, lobes=diffused.lobes + ((through,) if through else ()), plan=(*plan, *diffused.plan, line))
 

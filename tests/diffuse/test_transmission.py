@@ -13,7 +13,9 @@ from skinbake.irradiance import light_texels
 from skinbake.irradiance.occluder import Occluder
 from skinbake.profile import GaussianSum
 from skinbake.profile.fresnel import boundary_factor
+from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
+from skinbake.profile.skin_medium import SkinMedium
 from skinbake.profile.slab import half_space
 from skinbake.scene.lights import DirectionalLight
 from skinbake.scene.maps import SkinMaps
@@ -217,3 +219,19 @@ def test_auto_leaves_out_what_is_too_thick():
     assert transmit(diffused, mesh, profile, size, 4, False, np.array([0.5] * 3), "off", 0.01)[0] is None
     _, diffused = lit_below(slab_mesh(2.0), profile, size)
     assert transmit(diffused, slab_mesh(2.0), profile, size, 4, False, np.array([0.5] * 3), "auto", 0.01)[1].enabled
+
+
+def test_a_medium_that_is_known_is_the_slab_s():
+    """One layer that fills the head is taken as it is, with its own index; of several the index is."""
+    skin1 = Medium(np.array([0.032, 0.17, 0.48]), np.array([0.74, 0.88, 1.01]))
+    reflectance = np.array([0.5, 0.3, 0.2])
+    profile = gaussians(np.tile(reflectance / 5, (5, 1)))
+    for eta in (1.0, 1.4):
+        known = slab_weights(profile, reflectance, SkinMedium((Layer(skin1, np.inf, eta),)))
+        want = fit_slabs(profile, skin1, boundary_factor(eta)).weight_rgb
+        np.testing.assert_allclose(known.weight_rgb, want / np.maximum(want.sum(axis=1, keepdims=True), 1))
+        layers = SkinMedium((Layer(skin1, 0.3, eta), Layer(skin1, np.inf, eta)))
+        several = slab_weights(profile, reflectance, layers).weight_rgb
+        effective = fit_slabs(profile, effective_medium(profile, reflectance, eta), boundary_factor(eta)).weight_rgb
+        np.testing.assert_allclose(several, effective / np.maximum(effective.sum(axis=1, keepdims=True), 1))
+    np.testing.assert_array_equal(slab_weights(profile, reflectance).weight_rgb, several)  # 1.4 where nobody says

@@ -65,7 +65,9 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             self._albedo_before(),
             self._entering(gaussians),
             # The albedo's mean decides there, and casters are in the way
-            self._inputs.key("albedo", OCCLUDERS) if spec.terms.transmission != "off" else None,
+            (self._inputs.key("albedo", OCCLUDERS), skin_medium(spec.skin).identity)
+            if spec.terms.transmission != "off"
+            else None,
             (spec.output.precision, spec.output.compression, spec.output.lights, spec.output.seed),
         )
 

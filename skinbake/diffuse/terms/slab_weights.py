@@ -15,9 +15,10 @@ from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.fresnel import boundary_factor
 from skinbake.profile.medium import Medium
+from skinbake.profile.skin_medium import SkinMedium
 from skinbake.profile.slab import half_space, slab
 
-ETA = 1.4
+ETA = 1.4  # of skin that does not say
 THINNEST_MM, THICKEST_MM, THICKNESSES = 0.1, 40.0, 48
 DARK = 1e-3  # transmittance not worth a ray
 
@@ -38,12 +39,19 @@ class SlabWeights:
     weight_rgb: Float
 
 
-def effective_medium(gaussians: GaussianSum, reflectance_rgb: Float) -> Medium:
+def effective_medium(gaussians: GaussianSum, reflectance_rgb: Float, eta: float = ETA) -> Medium:
     """Homogeneous medium with a given reflectance and with the mean square radius of a profile.
 
     The dipole's albedo follows from its reflectance (theory.md 2.3); its second moment, from 2.6, then sets the scale.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+    reflectance_rgb : ndarray of shape (3,)
+    eta : float
+        Index of the medium over that of air.
     """
-    boundary = boundary_factor(ETA)
+    boundary = boundary_factor(eta)
     sigma_a, sigma_sp = np.zeros(3), np.zeros(3)
     for c in range(3):
         target = float(np.clip(reflectance_rgb[c], 0.01, 0.98))
@@ -66,14 +74,27 @@ def effective_medium(gaussians: GaussianSum, reflectance_rgb: Float) -> Medium:
     return Medium(sigma_a, sigma_sp)
 
 
-def slab_weights(gaussians: GaussianSum, reflectance_rgb: Float) -> SlabWeights:
-    """Fit T(r; d) of slabs of the effective medium with the profile's own Gaussians.
+def slab_weights(gaussians: GaussianSum, reflectance_rgb: Float, medium: SkinMedium | None = None) -> SlabWeights:
+    """Fit T(r; d) of slabs of the skin's medium, or of the effective one, with the profile's own Gaussians.
 
     Non-negative least squares in the Hankel domain, r-weighted as the fit of R, with the total held. Thin slabs let
     unscattered light pass ("ballistic"): closest to Monte Carlo at a millimetre, and monotone in the thickness.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+    reflectance_rgb : ndarray of shape (3,)
+        By which an effective medium is found.
+    medium : SkinMedium, optional
+        The skin's: taken as it is where it fills the head, its index where it has several layers.
     """
-    medium = effective_medium(gaussians, reflectance_rgb)
-    weights = fit_slabs(gaussians, medium, boundary_factor(ETA))
+    layers = medium.layers if medium else ()
+    eta = layers[0].eta if layers else ETA
+    if medium and len(layers) == 1 and medium.to_rgb is None and np.isinf(layers[0].thickness_mm):
+        fills = layers[0].medium
+    else:
+        fills = effective_medium(gaussians, reflectance_rgb, eta)
+    weights = fit_slabs(gaussians, fills, boundary_factor(eta))
     # A white profile is the medium's over its reflectance, which for a dark one lets many times the light through;
     # painted with a lighter albedo that would shine. No more leaves than arrives
     total = weights.weight_rgb.sum(axis=1, keepdims=True)

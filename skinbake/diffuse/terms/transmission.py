@@ -21,6 +21,7 @@ from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
+from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
@@ -42,6 +43,7 @@ def transmit(
     switch: str,
     tolerance: float,
     occluder: Occluder | None = None,
+    medium: SkinMedium | None = None,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe of weight 1, and the plan's line on it.
 
@@ -59,6 +61,8 @@ def transmit(
         `auto` keeps the term when the brightest `SEEN_SHARE` of the skin gets `WORTH` tolerances of the mean light.
     occluder : Occluder, optional
         Of the mesh, where somebody has one already.
+    medium : SkinMedium, optional
+        What the skin is made of.
 
     References
     ----------
@@ -67,7 +71,7 @@ def transmit(
     if switch == "off":
         return None, Decision("transmission", False, "off")
     reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
-    weights = slab_weights(gaussians, reflectance)
+    weights = slab_weights(gaussians, reflectance, medium)
     weights = _without_counted(weights, diffused, gaussians)
 
     texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
