@@ -74,7 +74,7 @@ def test_a_medium_is_in_the_key_of_what_is_blurred_where_incidence_reads_it(stag
     """Not in the light's: another skin does not trace it anew."""
 
     def of(eta, *terms):
-        found = stages(MEDIUM % eta, *terms)
+        found = stages(MEDIUM % eta, "terms.transmission=off", *terms)
         gaussians = stages().profile.result()  # the same for all
         return found.irradiance.key(), found.diffuse._key(gaussians)
 
@@ -83,6 +83,10 @@ def test_a_medium_is_in_the_key_of_what_is_blurred_where_incidence_reads_it(stag
     assert first[1] != other[1]
     assert of(1.3, "terms.incidence=off")[1] == of(1.4, "terms.incidence=off")[1]
     assert len({of(1.3, f"terms.incidence={word}")[1] for word in ("auto", "on", "off")}) == 3
+    assert (
+        of(1.3, "terms.incidence=off", "terms.transmission=on")[1]
+        != of(1.4, "terms.incidence=off", "terms.transmission=on")[1]
+    )
 
 
 def test_light_between_skin_reads_the_albedo_and_the_number_of_bounces(stages):
