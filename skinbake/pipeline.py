@@ -116,7 +116,8 @@ class Baked:
         """Every decision of the bake, in the order of its stages."""
         first = self.irradiance[0]
         lights = tuple(line for name in first.lights for line in first.plan.get(name, ()))
-        return (self.decisions.energy_conservation, *lights, *self.diffuse.plan)
+        size = self.decisions.texture_size
+        return (*((size,) if size else ()), self.decisions.energy_conservation, *lights, *self.diffuse.plan)
 
 
 def bake(stages: Stages) -> Baked:

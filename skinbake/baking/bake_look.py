@@ -93,5 +93,5 @@ def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[di
             manifest = manifest_of(inputs, results, log, baked)
             manifest["timings"]["total"] = time.perf_counter() - start
             finish_manifest(results, manifest)
-            report(log, baked, (manifest["error"] or {}).get("model"))
+            report(log, baked, (manifest["error"] or {}).get("model"), inputs.texture_size.lost)
     return manifest, baked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,24 @@ from skinbake.atlas import FIRST_TILE, tiles_of
 from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
+from skinbake.diffuse.planning.texture_size import TextureSize, at_size, choose_size, may_be_reduced
 from skinbake.errors import InputError
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.fingerprint import input_hashes, input_stamps
 from skinbake.io.scene_files import read_scene
+from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.profile import fit_skin
 from skinbake.scene.spec import SceneSpec
+
+_DETAILED = ("albedo", "normal", "height", "detail")  # maps that a coarser texture loses detail of
+
+
+def _layout_of_its_own(spec: SceneSpec) -> bool:
+    """Whether reading the scene made maps at the texture's size."""
+    return spec.texture.unwrap != "none" or spec.maps.height is not None or spec.maps.detail is not None
 
 
 class BakeInputs:
@@ -25,6 +36,9 @@ class BakeInputs:
     Attributes
     ----------
     spec : SceneSpec
+        As it is worked on: where a loose tolerance allows a coarser texture, with that size.
+    texture_size : TextureSize
+        That size, and what it loses.
     decisions : Decisions
         What follows from the look alone.
     digests : dict of role to str
@@ -32,12 +46,35 @@ class BakeInputs:
     """
 
     def __init__(self, spec: SceneSpec, session: BakeSession, log: StageLog) -> None:
-        self.spec, self.decisions = spec, decide(spec)
+        self.spec = spec
         self._session, self._log = session, log
         self._stamps = input_stamps(spec)
         self.digests = input_hashes(spec)
         self._scene: SceneData | None = None
         self._tiles: tuple[int, ...] | None = None if spec.texture.udim else (FIRST_TILE,)
+        self.texture_size = self._texture_size()
+        self.spec = at_size(spec, self.texture_size)
+        self.decisions = replace(decide(self.spec), texture_size=self.texture_size.decision)
+
+    def _texture_size(self) -> TextureSize:
+        """The size to work at, which every stage's key holds; what looks of one process share is decided once."""
+        if not may_be_reduced(self.spec):
+            return TextureSize(self.spec.texture.size)
+        spec = self.spec
+        key = key_of(
+            code_digest("skinbake.diffuse.planning.texture_size"),
+            self.key("mesh", *_DETAILED),
+            (spec.diffusion.tolerance, spec.output.seed, spec.texturing.exponent_before),
+            (spec.skin.model_dump(mode="json", exclude={"path"}), self.digests.get("skin")),
+        )
+        found = self._session.peek("texture_size", key)
+        if found is None:
+            path, scene = self.table_path, self.scene()
+            gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians
+            found = self._session.put("texture_size", key, choose_size(spec, scene.mesh, scene.maps, gaussians))
+            if found.size != spec.texture.size and _layout_of_its_own(spec):
+                self._scene = None  # made at the other size
+        return found
 
     def scene(self) -> SceneData:
         """Mesh, maps and environments.

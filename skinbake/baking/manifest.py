@@ -41,6 +41,11 @@ def finish_manifest(results: FolderStore, manifest: dict[str, Any]) -> None:
     results.finish(manifest)
 
 
+def _other_errors(inputs: BakeInputs, baked: Baked) -> dict[str, Any]:
+    """What is not measured at the probes: the fit's error, and the estimated loss of a coarser texture."""
+    return {"fit": baked.gaussians.relative_error_rgb.tolist(), "texture_size": round(inputs.texture_size.lost, 6)}
+
+
 def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: Baked) -> dict[str, Any]:
     """What bake.json holds.
 
@@ -85,7 +90,7 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
         "timings": dict(log.seconds),
         "reused": [stage for stage, reused in log.reused.items() if reused],
         "peak_memory_mib": round(peak_memory_mib(), 1),
-        "error": asdict(error) | {"fit": baked.gaussians.relative_error_rgb.tolist()} if error else None,
+        "error": asdict(error) | _other_errors(inputs, baked) if error else None,
         "plan": [line.record() for line in baked.plan],
         "tx": sorted(name for name in results.written if name.endswith(".tx")),
     }

@@ -11,8 +11,8 @@ from skinbake.pipeline import Baked
 from skinbake.scene.spec import SceneSpec
 
 
-def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None) -> None:
-    """The plan and the measured errors, on the terminal: the blur's, and the model's where `truth` has measured it.
+def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, lost: float = 0.0) -> None:
+    """The plan and the errors, on the terminal: the blur's, the texture size's, the model's where `truth` measured it.
 
     Parameters
     ----------
@@ -20,6 +20,8 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None) 
     baked : Baked
     model : mapping, optional
         The manifest's `error.model`.
+    lost : float
+        Estimated loss of a texture that is coarser than asked for; not told where it is 0.
     """
     for line in baked.plan:
         log.say(f"  {'+' if line.enabled else '-'} {line.term:<20} {line.why}")
@@ -29,6 +31,8 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None) 
             f"  the blur's error, against the surface integral of the same Gaussians, {e.probes} probes: "
             f"rms {e.rms:.3%}, p95 {e.p95:.3%}, max {e.max:.3%} (method {e.method:.3%}, storage {e.storage:.3%})"
         )
+    if lost:
+        log.say(f"  the texture size's error, against the size asked for: {lost:.2%}, estimated")
     if model:
         log.say(
             f"  the model's error, against light transport, {model['points']} points: "

@@ -12,6 +12,7 @@ from skinbake.cli.options import Output, config_argument, json_option, quiet_opt
 
 if TYPE_CHECKING:
     from skinbake.atlas.report import UvReport
+    from skinbake.diffuse.planning.texture_size import TextureSize
     from skinbake.irradiance.scene_data import SceneData
     from skinbake.scene.spec import SceneSpec
 
@@ -68,6 +69,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
     from skinbake.atlas import tiles_of
     from skinbake.atlas.look_atlas import look_atlas
     from skinbake.atlas.report import report_picture, uv_report
+    from skinbake.diffuse.planning.texture_size import at_size, choose_size
     from skinbake.diffuse.scatter import refuse_too_large
     from skinbake.io.image_memory import memory_of_images
     from skinbake.io.mesh import guess_orientation, part_table
@@ -82,6 +84,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
     uv = uv_report(scene.mesh, atlas)
     path = getattr(spec.skin, "path", None)
     gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians
+    size = choose_size(spec, scene.mesh, scene.maps, gaussians)
     texel_mm = max(uv.mm_per_texel[1], 1e-12)
     sizes = {
         name: [list(image.shape[1::-1]) for image in getattr(scene.maps, name).values()]
@@ -124,11 +127,16 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         "parts": [asdict(row) for row in part_table(spec)],
         "hidden_parts": [list(pair) for pair in uv.hidden_parts],
         "maps": sizes,
-        "notes": [*scene.mesh.notes, *filter(None, [orientation.advice]), *scene.notes, *_unpainted(spec, scene)],
-        "expected": expected(spec, uv, len(atlas), gaussians.variance_mm2.tolist(), images_mib),
+        "notes": [*scene.mesh.notes, *filter(None, [orientation.advice]), *scene.notes, *_told(spec, scene, size)],
+        "expected": expected(at_size(spec, size), uv, len(atlas), gaussians.variance_mm2.tolist(), images_mib),
     }
     tiles = [raster.tile for raster in atlas]
     return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), uv
+
+
+def _told(spec: SceneSpec, scene: SceneData, size: TextureSize) -> list[str]:
+    """What is used where there is no albedo, and what a loose tolerance does to the texture's size."""
+    return [*_unpainted(spec, scene), *([f"texture.size: {size.decision.why}"] if size.decision else [])]
 
 
 def _unpainted(spec: SceneSpec, scene: SceneData) -> list[str]:

@@ -48,11 +48,12 @@ class _Error(Record):
     method: float | None = None
     storage: float | None = None
     fit: list[float] | None = None
+    texture_size: float = 0.0
     model: _Model | None = None
 
     @model_validator(mode="after")
     def _whole(self) -> _Error:
-        blur = [value is None for name, value in self if name != "model"]
+        blur = [value is None for name, value in self if name not in ("model", "texture_size")]
         if any(blur) and not (all(blur) and self.model):
             raise ValueError("expected rms, p95, max, probes, method, storage and fit")
         return self

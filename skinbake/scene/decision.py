@@ -60,8 +60,11 @@ class Decisions:
         Whether each light is diffused and stored on its own.
     stored_lights : tuple of str
         Names of the lights that lobes hold: those of the look, or "total" where they are summed before diffusion.
+    texture_size : Decision, optional
+        Whether the size that the look asks for is kept; None where its tolerance leaves no choice.
     """
 
     energy_conservation: Decision
     separate_lights: bool
     stored_lights: tuple[str, ...]
+    texture_size: Decision | None = None

@@ -187,6 +187,14 @@ class MapsSpec(Strict):
 Size = Annotated[int, Field(ge=1, le=32768)]
 
 
+def _switch(value: Any) -> Any:
+    """YAML 1.1 reads a bare on/off as a boolean."""
+    return {True: "on", False: "off"}.get(value, value) if isinstance(value, bool) else value
+
+
+Switch = Annotated[Literal["auto", "on", "off"], BeforeValidator(_switch)]
+
+
 class TextureSpec(Strict):
     """The UV raster. `size` is an int or [width, height]."""
 
@@ -194,6 +202,7 @@ class TextureSpec(Strict):
     gutter: Annotated[int, Field(ge=0, le=256)] = 8
     udim: bool = False
     unwrap: Literal["none", "xatlas"] = "none"
+    reduce: Annotated[Literal["auto", "off"], BeforeValidator(_switch)] = "auto"
 
     @model_validator(mode="after")
     def _one_tile_is_made(self) -> TextureSpec:
@@ -259,14 +268,6 @@ class SpecularSpec(Strict):
     f0: Fraction = 0.028
     roughness: Annotated[float, Field(ge=1e-4, le=1)] = 0.3
     strength: Annotated[float, Field(ge=0, le=1000)] = 0.318
-
-
-def _switch(value: Any) -> Any:
-    """YAML 1.1 reads a bare on/off as a boolean."""
-    return {True: "on", False: "off"}.get(value, value) if isinstance(value, bool) else value
-
-
-Switch = Annotated[Literal["auto", "on", "off"], BeforeValidator(_switch)]
 
 
 class TermsSpec(Strict):

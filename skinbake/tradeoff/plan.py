@@ -80,7 +80,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     # Terms that `auto` decides by the tolerance must not change along the way
     oil = "on" if decide(spec).energy_conservation.enabled else "off"
     off = ("terms.incidence=off", "terms.interreflection=off", "terms.transmission=off")
-    base = (_size(size, 1), "diffusion.probes=0", *off, f"terms.energy_conservation={oil}")
+    base = (_size(size, 1), "texture.reduce=off", "diffusion.probes=0", *off, f"terms.energy_conservation={oil}")
     finest_skin = _finest_skin(spec)
     references = [
         Reference(
@@ -102,7 +102,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     for swept in methods if level else dict.fromkeys((methods[0], methods[-1])):  # the roughest and the finest
         add("method", swept.name, f"diffusion.method={swept.name}")
     for tolerance in ((0.05,), (0.05, 0.005), (0.1, 0.05, 0.02, 0.005, 0.002))[level]:
-        add("tolerance", f"{tolerance:g}", f"diffusion.tolerance={tolerance}")
+        add("tolerance", f"{tolerance:g}", f"diffusion.tolerance={tolerance}", "texture.reduce=auto")
     for scale in ((0.5,), (0.25, 0.5), (0.125, 0.25, 0.5, 0.75))[level]:
         add("size", _size(size, scale).partition("=")[2].strip("[]").replace(", ", " x "), _size(size, scale))
     storage = {"float": "output.precision=float", "lights summed": "output.lights=total"}

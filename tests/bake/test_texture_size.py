@@ -1,0 +1,59 @@
+"""A loose tolerance bakes at a coarser size, says so, and is found again as it was."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import skinbake
+from skinbake.cli import run
+from skinbake.io.exr import read_attributes
+from skinbake.io.mesh import write_obj
+from tests.shapes import sphere
+
+LOOK = """\
+mesh: {path: mesh.obj, unit: mm, any_size: true}
+texture: {size: [1024, 2048]}
+skin: {model: gaussians, variance_mm2: [0.5, 30.0], weight_rgb: [[0.5, 0.6, 0.7], [0.5, 0.4, 0.3]]}
+lights: [{name: key, type: directional, direction: [-0.6, 0, -0.8], irradiance: [1, 2, 3]}]
+diffusion: {method: texture, tolerance: 0.3, probes: 50}
+terms: {transmission: off, interreflection: off}
+output: {dir: out}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A look beside its mesh, baked."""
+    folder = tmp_path_factory.mktemp("size")
+    write_obj(folder / "mesh.obj", sphere(60.0, "latlong", 24))
+    (folder / "me.yaml").write_text(LOOK)
+    assert run(["bake", str(folder / "me.yaml"), "--no-preview", "--quiet"]) == 0
+    return folder
+
+
+def test_a_loose_tolerance_bakes_at_a_coarser_size(folder):
+    """Half of it here, since a quarter would be under 512; plan, manifest and files agree."""
+    manifest = json.loads((folder / "out" / "bake.json").read_text())
+    assert read_attributes(folder / "out" / "irradiance.exr")["irradiance"]["size"] == [512, 1024]
+    assert manifest["config"]["texture"]["size"] == [512, 1024]
+    (line,) = [line for line in manifest["plan"] if line["term"] == "texture_size"]
+    assert not line["kept"]
+    assert line["why"].startswith("auto: 512 x 1024 of 1024 x 2048: 512 x 1024 loses ")
+    lost, left = manifest["error"]["texture_size"], manifest["config"]["diffusion"]["tolerance"]
+    assert 0 < lost < 0.3
+    assert lost**2 + left**2 == pytest.approx(0.09)
+    assert skinbake.open_bake(folder / "out").radiant_exitance().shape == (1024, 512, 3)
+
+
+def test_it_is_told_and_found_again(folder, capfd):
+    """The second bake decides the same, and does nothing; with `reduce: off` the size is kept."""
+    assert run(["bake", str(folder / "me.yaml"), "--no-preview"]) == 0
+    said = capfd.readouterr().err
+    assert said.count("as it was") == 3
+    assert "the texture size's error, against the size asked for: " in said
+    asked = ["--set", "texture.reduce=off", "--set", "diffusion.probes=0", "--out", str(folder / "off")]
+    assert run(["bake", str(folder / "me.yaml"), "--no-preview", *asked]) == 0
+    assert "texture size's error" not in capfd.readouterr().err
+    assert read_attributes(folder / "off" / "irradiance.exr")["irradiance"]["size"] == [1024, 2048]
