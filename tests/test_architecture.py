@@ -85,3 +85,16 @@ def test_kernels_are_compiled_in_one_way():
     """`skinbake.kernels.compile.kernel` alone calls numba's compiler: what it does not know is not kept by content."""
     alone = ROOT / "skinbake" / "kernels" / "compile.py"
     assert [file for file in FILES if file != alone and "njit" in file.read_text()] == []
+
+
+def test_numba_s_and_llvm_s_insides_are_known_in_one_folder():
+    """What a new version of either may change is in `skinbake.kernels` alone."""
+    found = []
+    for file in FILES:
+        for node in ast.walk(ast.parse(file.read_text())):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else names
+            if any(name.split(".")[0] in ("numba", "llvmlite") for name in names):
+                found.append(file)
+    assert found
+    assert {file.parent for file in found} == {ROOT / "skinbake" / "kernels"}
