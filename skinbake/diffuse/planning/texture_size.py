@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import rfft2
 
 from skinbake.atlas import Tiled, local_uv, signed_uv_area, tile_of_face
 from skinbake.atlas.texel_coordinates import texel_xy
@@ -114,19 +115,21 @@ def detail_lost(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
     """
     patches = _draw_patches(spec, mesh)
     albedo, shades = _patch_light(spec, maps, patches)
-    transfer = _transfer(gaussians, patches.mm_per_texel)
+    passed = _transfer(gaussians, patches.mm_per_texel) ** 2 / _SIDE**4
+    passed[:, :, 1:-1] *= 2  # the other half of the spectrum of real numbers is the same
     window = np.hanning(_SIDE)[:, None] * np.hanning(_SIDE)
-    window /= np.sqrt(np.mean(window**2))  # the mean square stays
+    window = (window / np.sqrt(np.mean(window**2))).astype(np.float32)  # the mean square stays
     halvings = [n for n in range(1, MOST_HALVINGS + 1) if min(spec.texture.size) >> n >= SMALLEST]
     halvings = [n for n in halvings if all(side % (1 << n) == 0 for side in spec.texture.size)]
     found = []
     for n in halvings:
         lost = total = 0.0
         for shade in shades:
-            light = albedo * shade[..., None]
-            spectrum = np.fft.fft2((light - _coarse(light, 1 << n)) * window[..., None], axes=(1, 2)) / _SIDE**2
-            lost += float(np.mean(np.sum(np.abs(spectrum * transfer) ** 2, axis=(1, 2))))
-            total += float(np.mean(light**2))
+            light = (albedo * shade[..., None]).astype(np.float32)
+            spectrum = rfft2((light - _coarse(light, 1 << n)) * window[..., None], axes=(1, 2))
+            power = spectrum.real**2 + spectrum.imag**2
+            lost += float(np.einsum("kyxc,kyxc->", power, passed, dtype=np.float64)) / (3 * _PATCHES)
+            total += float(np.mean(light**2, dtype=np.float64))
         edges = EDGES_PER_MM * float(np.median(patches.mm_per_texel)) * (1 << n)
         found.append(float(np.hypot(np.sqrt(lost / max(total, 1e-300)), edges)))
     return found
@@ -195,13 +198,13 @@ def _read(images: Tiled[NDArray[np.float32]], patches: _Patches, constant: Float
     return out
 
 
-def _coarse(light: Float, side: int) -> Float:
+def _coarse(light: NDArray[np.float32], side: int) -> NDArray[np.float32]:
     """Light averaged over squares of texels and read back bilinearly, (K, S, S, 3)."""
     count = _SIDE // side
     means = light.reshape(_PATCHES, count, side, count, side, 3).mean(axis=(2, 4))
     place = np.clip((np.arange(_SIDE) + 0.5) / side - 0.5, 0, count - 1)
     low = np.minimum(place.astype(np.int64), count - 2)
-    share = place - low
+    share = (place - low).astype(np.float32)
     for axis in (1, 2):
         part = share.reshape([-1 if a == axis else 1 for a in range(4)])
         means = means.take(low, axis) * (1 - part) + means.take(low + 1, axis) * part
@@ -209,12 +212,11 @@ def _coarse(light: Float, side: int) -> Float:
 
 
 def _transfer(gaussians: GaussianSum, mm_per_texel: Float) -> Float:
-    """What the lobes together leave of each frequency of a patch, (K, S, S, 3)."""
-    frequency = 2 * np.pi * np.fft.fftfreq(_SIDE)
-    squared = frequency[:, None] ** 2 + frequency**2
+    """What the lobes together leave of each frequency of a patch, (K, S, S / 2 + 1, 3)."""
+    squared = (2 * np.pi) ** 2 * (np.fft.fftfreq(_SIDE)[:, None] ** 2 + np.fft.rfftfreq(_SIDE) ** 2)
     weight = gaussians.weight_rgb / gaussians.weight_rgb.sum(axis=0)
-    out = np.zeros((len(mm_per_texel), _SIDE, _SIDE, 3))
+    out = np.zeros((len(mm_per_texel), *squared.shape, 3), np.float32)
     for variance, each in zip(gaussians.variance_mm2, weight, strict=True):
         texels2 = (variance / np.maximum(mm_per_texel, 1e-9) ** 2)[:, None, None]
-        out += np.exp(-0.5 * texels2 * squared)[..., None] * each
+        out += (np.exp(-0.5 * texels2 * squared)[..., None] * each).astype(np.float32)
     return out
