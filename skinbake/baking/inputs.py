@@ -128,7 +128,7 @@ class BakeInputs:
 
     def _read(self) -> SceneData:
         with self._log.measured("read"):
-            scene = read_scene(self.spec)
+            scene = read_scene(self.spec, waiting=self._log.waiting)
         self._refuse_changed()
         for note in (*scene.mesh.notes, *scene.notes):
             self._log.say(f"  {note}")

@@ -10,11 +10,17 @@ from typing import Any
 
 from skinbake.pipeline import Stage
 
+SHORT_S, TELL_S = 2.0, 20.0  # a wait that nobody need be told of; between two lines about a longer one
 OnEvent = Callable[[dict[str, Any]], None]
 
 
 def nobody(_: object) -> None:
     """Listens to nothing."""
+
+
+def in_words(seconds: float) -> str:
+    """A rough length of time."""
+    return f"{seconds / 60:.0f} min" if seconds > 90 else f"{max(seconds, 1):.0f} s"
 
 
 class StageLog:
@@ -69,6 +75,42 @@ class StageLog:
         from skinbake.baking.compile_notice import compile_notice
 
         return compile_notice() if self.verbosity else nullcontext()
+
+    @contextmanager
+    def waiting(self, what: str, seconds: float) -> Iterator[Callable[[], None]]:
+        """Show a wait of more than a moment: a bar where there is a terminal, else a line and now and then another.
+
+        Parameters
+        ----------
+        what : str
+            What is done, for the person who waits.
+        seconds : float
+            That it takes, about.
+        """
+        if self.verbosity < 1 or seconds < SHORT_S:
+            yield lambda: None
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        console = Console(file=sys.stderr, highlight=False, soft_wrap=True)
+        expected, start, told = in_words(seconds), time.monotonic(), 0.0
+        columns = TextColumn("  {task.description}"), BarColumn(bar_width=28), TimeElapsedColumn()
+        bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self.say(f"  {what}: takes about {expected}")
+        with bar:
+            task = bar.add_task(what, total=seconds)
+
+            def tick() -> None:
+                """Show that it goes on."""
+                nonlocal told
+                past = time.monotonic() - start
+                bar.update(task, completed=min(past, 0.99 * seconds))
+                if not console.is_terminal and past - told > TELL_S:
+                    told = past
+                    self.say(f"    {in_words(past)} of about {expected}")
+
+            yield tick
 
     def say(self, text: str, level: int = 1) -> None:
         """Tell the person at the terminal, on stderr, if `verbosity` is `level` or more."""

@@ -13,12 +13,14 @@ from skinbake.cli.options import Output, config_argument, json_option, quiet_opt
 if TYPE_CHECKING:
     from skinbake.atlas.report import UvReport
     from skinbake.diffuse.planning.texture_size import TextureSize
+    from skinbake.io.waiting import Waiting
     from skinbake.irradiance.scene_data import SceneData
+    from skinbake.profile import GaussianSum
     from skinbake.scene.spec import SceneSpec
 
 PICTURE = "uv_check.png"
+LARGEST_TEXTURE = 16384  # that is proposed
 _SMALLEST = 15  # times that a texture is halved, at most
-IMAGES_MIB = 140  # of the maps of the heads that the estimate was fitted to
 
 
 @click.command("check")
@@ -32,10 +34,11 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     import json
 
     from skinbake.atlas.report import refuse_spoilt
+    from skinbake.baking.stage_log import StageLog
     from skinbake.io.config import load_look
 
     spec = load_look(config, overrides)
-    report, pictures, uv = examine(spec)
+    report, pictures, uv = examine(spec, StageLog(verbosity).waiting)
     if out is not None:
         from skinbake.io.fingerprint import every_input
         from skinbake.io.output_names import refuse_inputs
@@ -54,8 +57,14 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     refuse_spoilt(uv, spec.mesh.path)
 
 
-def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvReport]:
+def examine(spec: SceneSpec, waiting: Waiting | None = None) -> tuple[dict[str, Any], list[tuple[int, Any]], UvReport]:
     """Report on a look: the report as a mapping, a picture for each tile, and the report on the UVs.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    waiting : Waiting, optional
+        Told while UVs are made.
 
     Raises
     ------
@@ -75,10 +84,12 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
     from skinbake.io.mesh import guess_orientation, part_table
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
+    from skinbake.io.waiting import unseen
     from skinbake.irradiance.decide import decide
+    from skinbake.irradiance.unreached import unreached
     from skinbake.profile import fit_skin
 
-    scene = read_scene(spec, rays=False)
+    scene = read_scene(spec, rays=False, waiting=waiting or unseen)
     refuse_too_large(spec, decide(spec), len(tiles_of(scene.mesh, spec.texture.udim)))
     atlas = look_atlas(spec.texture, scene.mesh)
     uv = uv_report(scene.mesh, atlas)
@@ -91,6 +102,7 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         for name in ("albedo", "normal", "roughness", "specular")
     }
     orientation = guess_orientation(scene.mesh)
+    casters = len(scene.mesh.casters.faces) if scene.mesh.casters else 0
     images_mib = (sum(memory_of_images(spec).values()) + _of_materials(spec, scene)) / 2**20
     report = {
         "mesh": {
@@ -127,8 +139,15 @@ def examine(spec: SceneSpec) -> tuple[dict[str, Any], list[tuple[int, Any]], UvR
         "parts": [asdict(row) for row in part_table(spec)],
         "hidden_parts": [list(pair) for pair in uv.hidden_parts],
         "maps": sizes,
-        "notes": [*scene.mesh.notes, *filter(None, [orientation.advice]), *scene.notes, *_told(spec, scene, size)],
-        "expected": expected(at_size(spec, size), uv, len(atlas), gaussians.variance_mm2.tolist(), images_mib),
+        "notes": [
+            *scene.mesh.notes,
+            *filter(None, [orientation.advice]),
+            *scene.notes,
+            *_told(spec, scene, size),
+            *_coarse(spec, texel_mm, gaussians),
+            *unreached(spec.lights, scene.mesh, spec.texture.size, scene.environments, spec.shadows),
+        ],
+        "expected": expected(at_size(spec, size), uv, len(atlas), gaussians.variance_mm2.tolist(), images_mib, casters),
     }
     tiles = [raster.tile for raster in atlas]
     return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), uv
@@ -147,6 +166,23 @@ def _unpainted(spec: SceneSpec, scene: SceneData) -> list[str]:
     return [f"maps.albedo: none, the skin is of one colour, albedo_rgb [{colour}]"]
 
 
+def _coarse(spec: SceneSpec, texel_mm: float, gaussians: GaussianSum) -> list[str]:
+    """A sentence where texels are longer than the way that red light scatters on average: little of it then shows."""
+    weight = gaussians.weight_rgb[:, 0]
+    spread_mm = float(weight @ gaussians.variance_mm2**0.5 / max(weight.sum(), 1e-12))
+    if texel_mm <= spread_mm:
+        return []
+    width, height = spec.texture.size
+    times = 2
+    while texel_mm / times > spread_mm and max(width, height) * times < LARGEST_TEXTURE:
+        times *= 2
+    finer = str(width * times) if width == height else f"[{width * times}, {height * times}]"
+    return [
+        f"texels of {texel_mm:.2g} mm are coarser than the {spread_mm:.2g} mm that red light scatters on average, so"
+        f" scattering hardly shows: texture.size: {finer} makes them {texel_mm / times:.2g} mm"
+    ]
+
+
 def _of_materials(spec: SceneSpec, scene: SceneData) -> int:
     """Bytes of the maps that the mesh's own file holds, as float32 and as the 8-bit pictures that they were."""
     roles = [role for role in ("albedo", "normal", "roughness") if getattr(spec.maps, role) is None]
@@ -155,13 +191,18 @@ def _of_materials(spec: SceneSpec, scene: SceneData) -> int:
 
 
 def expected(
-    spec: SceneSpec, uv: UvReport, tiles: int, variance_mm2: Sequence[float], images_mib: float = 0.0
+    spec: SceneSpec,
+    uv: UvReport,
+    tiles: int,
+    variance_mm2: Sequence[float],
+    images_mib: float = 0.0,
+    casters: int = 0,
 ) -> dict[str, float]:
-    """Memory, seconds and file sizes of a bake of this look, once its machine code is compiled.
+    """Memory, seconds and file sizes of a bake of this look and of its picture, once its machine code is compiled.
 
-    Fitted to bakes of the sample head at 256^2 to 4096^2 and of the Lee Perry-Smith scan at 1024^2 and 2048^2: within a
-    factor 1.5 for memory and sizes; seconds, on two free cores of a 2.6 GHz server, within 2. Sizes are those of skin
-    with its albedo map; constant light on constant skin takes less.
+    Fitted to bakes of the sample head at 256^2 to 4096^2, with its own and with 16 times its triangles, and of the Lee
+    Perry-Smith scan at 1024^2 and 2048^2: within a factor 1.5 for memory and sizes; seconds, on two free cores of a 2.6
+    GHz server, within 2. Sizes are those of skin with its albedo map; constant light on constant skin takes less.
 
     Parameters
     ----------
@@ -170,13 +211,20 @@ def expected(
     tiles : int
     variance_mm2 : sequence of float
         Variance of each lobe.
+    images_mib : float
+        Of maps and skies.
+    casters : int
+        Triangles besides the skin's.
     """
     from skinbake.diffuse.methods import METHODS
     from skinbake.diffuse.planning.rules import stored_level
     from skinbake.diffuse.terms.transmission import transmitted_level
+    from skinbake.io.mesh.unwrap import unwrap_seconds
+    from skinbake.io.user_cache import user_cache
 
     lights, summed = len(spec.lights), not spec.output.separate_lights
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
+    megatriangles = (uv.triangles + casters) / 1e6
     covered = megatexels * uv.coverage
     texel_mm2 = uv.area_mm2 / max(covered * 2**20, 1)
     # Texels of all lobes, in full textures: the sizes of the plan's rule for surface sums, and light through thin parts
@@ -201,9 +249,16 @@ def expected(
     return {
         # Lights stored summed are blurred summed
         "memory_mib": round(
-            600 + max(0.0, images_mib - IMAGES_MIB) + megatexels * (235 + (15 if summed else 58) * (lights - 1))
+            490 + images_mib + megatexels * (235 + (15 if summed else 58) * (lights - 1)) + megatriangles * 1400
         ),
-        "seconds": round(3.5 + lights * (0.2 + 0.1 * len(variance_mm2)) + megatexels * (0.35 + 0.35 * lights), 1),
+        "seconds": round(
+            3.5
+            + lights * (0.2 + 0.1 * len(variance_mm2))
+            + megatexels * (0.35 + 0.35 * lights)
+            + megatriangles * 9
+            + (unwrap_seconds(uv.triangles) if spec.texture.unwrap != "none" and user_cache() is None else 0.0),
+            1,
+        ),
         "irradiance_mib": round(irradiance, 2),
         "lobes_mib": round(lobes, 2),
     }

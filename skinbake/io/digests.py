@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from skinbake.errors import InputError
 
 
@@ -24,6 +26,11 @@ def sha256_of(path: Path | str) -> str:
     except (OSError, ValueError) as error:  # ValueError: a NUL byte, from a damaged manifest
         got = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{path}: expected a file that can be read, got: {got}") from error
+
+
+def array_digest(array: NDArray[Any]) -> str:
+    """Digest of an array's values, shape and type."""
+    return hashlib.sha256(f"{array.dtype.str} {array.shape} ".encode() + array.tobytes()).hexdigest()
 
 
 def key_of(*parts: Any) -> str:

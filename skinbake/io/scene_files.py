@@ -14,19 +14,22 @@ from skinbake.io.image import read_maps
 from skinbake.io.look_maps import read_look_maps
 from skinbake.io.mesh import read_look_mesh
 from skinbake.io.repaint import painted_mesh
+from skinbake.io.waiting import Waiting, unseen
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
 
 
-def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
+def read_scene(spec: SceneSpec, rays: bool = True, waiting: Waiting = unseen) -> SceneData:
     """Read mesh, maps and environments of a look.
 
     Parameters
     ----------
     rays : bool
         Begin to build what rays meet, on a thread that goes on while others read and rasterise.
+    waiting : Waiting
+        Told while UVs are made.
 
     Raises
     ------
@@ -44,7 +47,7 @@ def read_scene(spec: SceneSpec, rays: bool = True) -> SceneData:
 
             maps = pool.submit(read_maps, spec.maps, charts=charts)
         try:
-            mesh = read_look_mesh(spec)
+            mesh = read_look_mesh(spec, waiting)
         except BaseException:
             read.cancel()
             raise

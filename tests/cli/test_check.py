@@ -51,13 +51,39 @@ def test_the_report_of_a_quad_is_what_geometry_says(tmp_path, capsys):
 def test_the_text_names_all_of_it(tmp_path, capsys):
     """Without --json: a line for mesh, texture, texels, charts, lobes, the albedo that is not there, and cost."""
     path = look(tmp_path, sphere(100.0, "cube", 16))
-    assert run(["check", path]) == 0
+    assert run(["check", path, "--set", "texture.size=1024"]) == 0
     out = capsys.readouterr().out.splitlines()
     told = [line.split()[0] for line in out]
     assert told == ["mesh", "box", "texture", "texel", "charts", "lobes", "note", "expected"]
     assert "maps.albedo: none, the skin is of one colour, albedo_rgb [0.57, 0.34, 0.25]" in out[-2]
     assert run(["check", path, "--set", "skin.normalise=none"]) == 0
     assert "albedo_rgb [1.00, 1.00, 1.00]" in capsys.readouterr().out
+
+
+def test_texels_that_are_too_coarse_and_lights_that_reach_nothing_are_told(tmp_path, capsys):
+    """Texels of 2 mm for lobes of 0.22 and 1.41 mm; the size that is proposed is one for which nothing is told."""
+    path = look(tmp_path, quad(240.0, 240.0))
+    behind = ["--set", "lights.key.direction=[0,0,1]"]
+    assert run(["check", path, "--set", "texture.size=[120, 120]", *behind]) == 0
+    out = capsys.readouterr().out
+    said = "coarser than the 0.82 mm that red light scatters on average, so scattering hardly shows: texture.size: 480"
+    assert f"note      texels of 2 mm are {said} makes them 0.5 mm" in out
+    assert "note      light key: reaches no skin: all skin faces away; direction is where the light travels to" in out
+    assert run(["check", path, "--set", "texture.size=480"]) == 0
+    assert "texels of" not in (out := capsys.readouterr().out)
+    assert "reaches no skin" not in out
+
+
+def test_triangles_count_in_memory_and_time(tmp_path, capsys):
+    """Those of what only casts, too."""
+    path, found = look(tmp_path, quad(240.0, 120.0)), []
+    write_obj(tmp_path / "hat.obj", quad(50, 50, 100, columns=100, rows=100))
+    hat = f"occluders=[{{path: {tmp_path}/hat.obj, unit: mm}}]"
+    for more in ([], ["--set", hat]):
+        assert run(["check", path, "--json", *more]) == 0
+        found.append(json.loads(capsys.readouterr().out)["expected"])
+    assert found[1]["memory_mib"] - found[0]["memory_mib"] == pytest.approx(0.02 * 1400, abs=1)
+    assert found[1]["seconds"] - found[0]["seconds"] == pytest.approx(0.02 * 9, abs=0.1)
 
 
 def test_tiles_without_a_map_are_named(tmp_path, capsys):
@@ -80,7 +106,7 @@ def test_maps_count_in_the_memory(tmp_path, capsys):
     for more in ([], ["--set", f"maps.roughness={tmp_path}/r.png"]):
         assert run(["check", path, "--json", *more]) == 0
         needed.append(json.loads(capsys.readouterr().out)["expected"]["memory_mib"])
-    assert needed[1] - needed[0] == pytest.approx(8192**2 * 5 / 2**20 - 140, abs=1)
+    assert needed[1] - needed[0] == pytest.approx(8192**2 * 5 / 2**20, abs=1)
 
 
 def test_a_texture_that_no_machine_holds_is_refused_before_it_is_rasterised(tmp_path, capsys, monkeypatch):
@@ -190,8 +216,8 @@ def test_flipped_triangles_are_only_reported(tmp_path, capsys):
 
 
 def bake_and_weigh(config: str) -> float:
-    """Peak memory of a bake, MiB; for a process of its own."""
-    assert run(["bake", config, "--quiet", "--no-preview"]) == 0
+    """Peak memory of a bake with its picture, MiB; for a process of its own."""
+    assert run(["bake", config, "--quiet"]) == 0
     return own_peak_mib()
 
 
@@ -200,7 +226,7 @@ def compiled(tmp_path_factory):
     """Machine code is made in another process than the one whose memory is measured."""
     out = tmp_path_factory.mktemp("compiled")
     head = str(ROOT / "configs" / "head.yaml")
-    in_child(run, ["bake", head, "--out", str(out), "--quiet", "--no-preview", "--set", "texture.size=384"])
+    in_child(run, ["bake", head, "--out", str(out), "--quiet", "--set", "texture.size=384"])
 
 
 @pytest.mark.slow

@@ -13,13 +13,14 @@ from skinbake.io.mesh.parts import choose_parts
 from skinbake.io.mesh.placement import placed
 from skinbake.io.mesh.raw_file import read_raw
 from skinbake.io.mesh.read_mesh import casters_of, read_mesh
+from skinbake.io.waiting import Waiting, unseen
 from skinbake.scene.casters import Casters, joined_casters
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import OccluderSpec, SceneSpec
 
 
-def read_look_mesh(spec: SceneSpec) -> SkinMesh:
-    """Read the skin of a look with everything that shadows it.
+def read_look_mesh(spec: SceneSpec, waiting: Waiting = unseen) -> SkinMesh:
+    """Read the skin of a look with everything that shadows it; `waiting` is told while UVs are made.
 
     Raises
     ------
@@ -39,6 +40,7 @@ def read_look_mesh(spec: SceneSpec) -> SkinMesh:
         skin=of.skin,
         cast=of.cast,
         ignore=of.ignore,
+        waiting=waiting,
     )
     painted = [name for name in ("albedo", "normal", "roughness", "specular") if getattr(maps, name) is not None]
     if painted:

@@ -16,6 +16,7 @@ from skinbake.io.mesh.raw_file import LARGEST, read_raw
 from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.io.mesh.size import refuse_wrong_size
 from skinbake.io.mesh.unwrap import unwrap_mesh
+from skinbake.io.waiting import Waiting, unseen
 from skinbake.numerics import Float, normalized
 from skinbake.scene.casters import OPAQUE, Casters
 from skinbake.scene.mesh import SkinMesh, smooth_vertex_normals
@@ -34,6 +35,7 @@ def read_mesh(
     skin: Sequence[str] = (),
     cast: Sequence[str] = (),
     ignore: Sequence[str] = (),
+    waiting: Waiting = unseen,
 ) -> SkinMesh:
     """Read a mesh: polygons cut into triangles, positions welded, UVs and normals kept per corner.
 
@@ -56,6 +58,8 @@ def read_mesh(
         See `placed`.
     skin, cast, ignore : sequences of str
         See `choose_parts`.
+    waiting : Waiting
+        Told while UVs are made.
 
     Raises
     ------
@@ -77,7 +81,7 @@ def read_mesh(
     casters = casters_of(raw, roles.cast, flip_v) if roles.cast.any() else None
     corner_uv = _flipped(mesh.corner_uv) if flip_v and has_uvs else mesh.corner_uv
     mesh = replace(mesh, corner_uv=corner_uv, casters=casters, notes=roles.notes)
-    return unwrap_mesh(mesh, has_uvs=has_uvs) if unwrap == "xatlas" else mesh
+    return unwrap_mesh(mesh, has_uvs=has_uvs, waiting=waiting) if unwrap == "xatlas" else mesh
 
 
 def skin_of(raw: RawMesh, skin: NDArray[np.bool_]) -> SkinMesh:

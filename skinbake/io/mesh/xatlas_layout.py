@@ -17,12 +17,16 @@ from numpy.typing import NDArray
 
 from skinbake.errors import MachineError
 from skinbake.interrupt import undone_at_stop
+from skinbake.io.waiting import Tick
 
 SMALL_FACES = 2000  # takes less time than starting a process
+TICK_S = 0.5
 Layout = tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]
 
 
-def xatlas_layout(positions: NDArray[np.float32], faces: NDArray[np.uint32], padding: int) -> Layout:
+def xatlas_layout(
+    positions: NDArray[np.float32], faces: NDArray[np.uint32], padding: int, tick: Tick = lambda: None
+) -> Layout:
     """Charts of a mesh packed into [0, 1]^2.
 
     Parameters
@@ -31,6 +35,8 @@ def xatlas_layout(positions: NDArray[np.float32], faces: NDArray[np.uint32], pad
     faces : ndarray of shape (F, 3), uint32
     padding : int
         Texels between charts, of a texture of 1024.
+    tick : callable
+        Called now and then while another process works.
 
     Returns
     -------
@@ -62,7 +68,7 @@ def xatlas_layout(positions: NDArray[np.float32], faces: NDArray[np.uint32], pad
         ) as process,  # fmt: skip
         undone_at_stop(process.kill),
     ):
-        made, _ = process.communicate(given.getvalue())
+        made = _answer(process, given.getvalue(), tick)
     if process.returncode:
         raise MachineError(
             f"texture.unwrap: xatlas ended with exit code {process.returncode} (out of memory?); "
@@ -70,6 +76,17 @@ def xatlas_layout(positions: NDArray[np.float32], faces: NDArray[np.uint32], pad
         )
     with np.load(BytesIO(made)) as arrays:
         return arrays["vertex"], arrays["corner"], arrays["uv"]
+
+
+def _answer(process: subprocess.Popen[bytes], given: bytes, tick: Tick) -> bytes:
+    """What the process writes once it has read what it is given."""
+    asked: bytes | None = given
+    while True:
+        try:
+            return process.communicate(asked, timeout=TICK_S)[0]
+        except subprocess.TimeoutExpired:  # what is still to be sent is remembered
+            asked = None
+            tick()
 
 
 def _generate(positions: NDArray[np.float32], faces: NDArray[np.uint32], padding: int) -> Layout:

@@ -1,0 +1,72 @@
+"""Layouts are made once, and who waits for one is told."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from skinbake.baking.stage_log import StageLog, in_words
+from skinbake.io.mesh import unwrap, xatlas_layout
+from tests.shapes import relief
+
+
+@pytest.fixture
+def large(monkeypatch, tmp_path):
+    """A mesh that counts as large, and an empty cache."""
+    monkeypatch.setattr(unwrap, "SMALL_FACES", 0)
+    monkeypatch.setattr(xatlas_layout, "SMALL_FACES", 0)
+    monkeypatch.setattr(xatlas_layout, "TICK_S", 0.02)
+    monkeypatch.setenv("SKINBAKE_CACHE", str(tmp_path / "cache"))
+    return relief(segments=6)
+
+
+class Waits(list):
+    """What was said, and how often it ticked."""
+
+    ticks = 0
+
+    @contextmanager
+    def __call__(self, what, seconds):
+        self.append((what, seconds))
+
+        def tick():
+            self.ticks += 1
+
+        yield tick
+
+
+def test_a_layout_is_made_once(large):
+    """The second time the same comes from the cache, and nobody waits; another padding is another layout."""
+    waits = Waits()
+    first = unwrap.unwrap_mesh(large, waiting=waits)
+    assert waits == [(f"xatlas unwraps {len(large.faces)} triangles", unwrap.unwrap_seconds(len(large.faces)))]
+    assert waits.ticks
+    second = unwrap.unwrap_mesh(large, waiting=waits)
+    np.testing.assert_array_equal(first.corner_uv, second.corner_uv)
+    assert len(waits) == 1
+    unwrap.unwrap_mesh(large, gutter_texels=2, waiting=waits)
+    assert len(waits) == 2
+
+
+def test_a_damaged_layout_is_made_again(large, tmp_path):
+    """As if it were not there."""
+    first = unwrap.unwrap_mesh(large)
+    (entry,) = (tmp_path / "cache").rglob("*.npz")
+    entry.chmod(0o600)
+    entry.write_bytes(entry.read_bytes()[:100])
+    np.testing.assert_array_equal(unwrap.unwrap_mesh(large).corner_uv, first.corner_uv)
+
+
+def test_a_long_wait_is_told(capsys, monkeypatch):
+    """With its length in words, now and then how far it is; a short one, or to the quiet, is not."""
+    monkeypatch.setattr("skinbake.baking.stage_log.TELL_S", 0.0)
+    with StageLog(1).waiting("xatlas unwraps 9 triangles", 240.0) as tick:
+        tick()
+    assert capsys.readouterr().err == ("  xatlas unwraps 9 triangles: takes about 4 min\n    1 s of about 4 min\n")
+    for log, seconds in ((StageLog(1), 1.0), (StageLog(0), 240.0)):
+        with log.waiting("xatlas", seconds) as tick:
+            tick()
+    assert capsys.readouterr().err == ""
+    assert in_words(60.0) == "60 s"
