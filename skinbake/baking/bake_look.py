@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 from skinbake import pipeline
@@ -51,9 +52,8 @@ def bake_look(
         Everything is written, but the measured error is above `diffusion.tolerance`.
     """
     start = time.perf_counter()
-    bake = folder_bake(spec, force, verbosity, session)
+    bake = folder_bake(spec, force, verbosity, session, f"baking into {Path(spec.output.dir)}")
     log, folder = bake.log, bake.results.folder
-    log.say(f"baking into {folder}")
     with log.telling_of_compiling():
         manifest, baked = _bake_into_folder(bake, preview, start)
     log.say(f"done in {time.perf_counter() - start:.2f} s: {folder}")

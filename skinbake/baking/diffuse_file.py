@@ -11,7 +11,10 @@ from skinbake.baking.folder_bake import folder_bake
 from skinbake.baking.manifest import finish_manifest, manifest_of
 from skinbake.baking.report import refuse_missed, report
 from skinbake.baking.stages.irradiance import GivenIrradiance
+from skinbake.diffuse.planning.texture_size import MOST_HALVINGS, may_be_reduced
+from skinbake.errors import InputError
 from skinbake.io.digests import sha256_of
+from skinbake.io.exr import read_attributes
 from skinbake.io.irradiance import read_irradiance, tile_path
 from skinbake.scene.spec import SceneSpec
 
@@ -28,16 +31,29 @@ def diffuse_file(spec: SceneSpec, irradiance: str, force: bool = False, verbosit
     force, verbosity
         As `bake_look`, which also has the failures.
     """
-    bake, udim = folder_bake(spec, force, verbosity), spec.texture.udim
+    udim = spec.texture.udim
+    bake = folder_bake(_as_large_as(Path(irradiance), spec), force, verbosity)
     path = Path(re.sub(r"\.[1-9]\d{3}(?=\.\w+$)", "", irradiance) if udim else irradiance)
     paths = {tile: tile_path(path, tile, udim) for tile in bake.inputs.tiles}
-    maps = tuple(read_irradiance(file, tile, spec.texture.size) for tile, file in paths.items())
+    maps = tuple(read_irradiance(file, tile, bake.inputs.spec.texture.size) for tile, file in paths.items())
     given = GivenIrradiance(maps, [sha256_of(file) for file in paths.values()], bake.inputs, bake.log)
     with bake.log.telling_of_compiling(), bake.results.open(given=tuple(paths.values())):
         baked = pipeline.bake(bake.stages(given))
         bake.results.finish_writing()
         manifest = manifest_of(bake.inputs, bake.results, bake.log, baked) | {"lights": list(maps[0].lights)}
         finish_manifest(bake.results, manifest)
-    report(bake.log, baked, (manifest["error"] or {}).get("model"))
+    report(bake.log, baked, (manifest["error"] or {}).get("model"), bake.inputs.texture_size.lost)
     refuse_missed(spec, baked)
     return manifest
+
+
+def _as_large_as(irradiance: Path, spec: SceneSpec) -> SceneSpec:
+    """The look, whose texture's size is kept if the file has it: a coarser one is chosen where light has it already."""
+    try:
+        sizes = {tuple(header["size"]) for header in read_attributes(irradiance).values()}
+    except InputError:  # told when it is read
+        sizes = set()
+    coarser = {(spec.texture.size[0] >> n, spec.texture.size[1] >> n) for n in range(1, MOST_HALVINGS + 1)}
+    if may_be_reduced(spec) and sizes <= coarser and sizes:
+        return spec
+    return spec.model_copy(update={"texture": spec.texture.model_copy(update={"reduce": "off"})})

@@ -37,9 +37,13 @@ class FolderBake:
 
 
 def folder_bake(
-    spec: SceneSpec, force: bool = False, verbosity: int = 1, session: BakeSession | None = None
+    spec: SceneSpec,
+    force: bool = False,
+    verbosity: int = 1,
+    session: BakeSession | None = None,
+    told: str = "",
 ) -> FolderBake:
-    """Read nothing but digests yet, and write nothing.
+    """Write nothing yet, and read nothing but digests, and what a loose tolerance needs to choose the texture's size.
 
     Parameters
     ----------
@@ -50,6 +54,8 @@ def folder_bake(
         0 says nothing on stderr, 1 a line a stage, 2 more.
     session : BakeSession, optional
         What this look shares with others.
+    told : str
+        Said first.
 
     Raises
     ------
@@ -58,5 +64,7 @@ def folder_bake(
     """
     session = session or BakeSession(keep=False)
     log = StageLog(verbosity, session.on_event)
+    if told:
+        log.say(told)
     inputs = BakeInputs(spec, session, log)
     return FolderBake(inputs, FolderStore(inputs, log, session.cache, force), session, log)

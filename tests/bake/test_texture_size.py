@@ -57,3 +57,15 @@ def test_it_is_told_and_found_again(folder, capfd):
     assert run(["bake", str(folder / "me.yaml"), "--no-preview", *asked]) == 0
     assert "texture size's error" not in capfd.readouterr().err
     assert read_attributes(folder / "off" / "irradiance.exr")["irradiance"]["size"] == [1024, 2048]
+
+
+def test_the_stages_alone_agree_on_the_size(folder, tmp_path):
+    """`irradiance`, then `diffuse` of what it wrote; light of the size that the look asks for keeps that size."""
+    quick = ["--set", "diffusion.probes=0", "--quiet"]
+    assert run(["irradiance", str(folder / "me.yaml"), "--out", str(tmp_path / "a"), "--quiet"]) == 0
+    ours = str(tmp_path / "a" / "irradiance.exr")
+    assert run(["diffuse", str(folder / "me.yaml"), ours, "--out", str(tmp_path / "b"), *quick]) == 0
+    assert json.loads((tmp_path / "b" / "bake.json").read_text())["config"]["texture"]["size"] == [512, 1024]
+    theirs = str(folder / "off" / "irradiance.exr")
+    assert run(["diffuse", str(folder / "me.yaml"), theirs, "--out", str(tmp_path / "c"), *quick]) == 0
+    assert json.loads((tmp_path / "c" / "bake.json").read_text())["config"]["texture"]["size"] == [1024, 2048]
