@@ -83,8 +83,7 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
         "texturing": spec.texturing.model_dump(),
         "terms": {
             "energy_conservation": baked.decisions.energy_conservation.enabled,
-            "incidence": kept_of_any_light(baked.plan, "incidence"),
-            "interreflection": kept_of_any_light(baked.plan, "interreflection"),
+            **{term: kept_of_any_light(baked.plan, term) for term in ("incidence", "beam", "interreflection")},
             "transmission": any(lobe.transmitted for lobe in baked.diffuse.lobes),
         },
         "timings": dict(log.seconds),

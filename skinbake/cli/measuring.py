@@ -217,6 +217,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     from skinbake.diffuse.probes import Probes, read_at_probes
     from skinbake.diffuse.resources import LobeResources
     from skinbake.diffuse.skin_geometry import SkinGeometry
+    from skinbake.diffuse.terms.beam import BEAM_SIGMA_MM
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.irradiance.decide import decide
@@ -230,12 +231,16 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     atlas = look_atlas(spec.texture, scene.mesh)
     decisions, medium = decide(spec), skin_medium(spec.skin)
     irradiance = light_skin(spec, decisions, scene, atlas)
-    incidence = incidence_table(medium) if medium.layers and spec.terms.incidence != "off" else medium.why
-    entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, incidence).rgb
-    source = {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in entering.items()}
+    incidence = incidence_table(medium) if medium.layers and spec.terms.incidence != "off" else None
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
+    source, of_wide = (
+        {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in light.items()}
+        for light in (entering.rgb, entering.beam or {})
+    )
     del irradiance, entering
     geometry = SkinGeometry(atlas, scene.mesh)
     resources = LobeResources(source, geometry, spec.diffusion)
+    resources_of_wide = LobeResources(of_wide, geometry, spec.diffusion) if of_wide else resources
     if at is None:
         probes = draw_probes(geometry, count, spec.output.seed)
         own = probes.position + geometry.centre_mm
@@ -252,8 +257,9 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     total = np.zeros((len(probes), 3))
     for variance, weight in zip(gaussians.variance_mm2, gaussians.weight_rgb, strict=True):
         lobe = LobeParameters(float(variance))
+        blurred = resources_of_wide if variance >= BEAM_SIGMA_MM**2 else resources
         # Probes of another size have no texel of their own to read where there is no blur
-        read = REFERENCE.at_probes(resources, lobe, probes) if variance > 0 else read_at_probes(source, probes)
+        read = REFERENCE.at_probes(blurred, lobe, probes) if variance > 0 else read_at_probes(source, probes)
         total += weight * read
     return total * _albedo_after(spec, scene.maps.albedo, scene.maps.albedo_rgb, at), at
 

@@ -1,4 +1,4 @@
-"""From light that arrives to what is blurred: incidence, light from skin to skin, and the albedo's share before.
+"""From light that arrives to what is blurred: incidence, beams, light from skin to skin, and the albedo's share.
 
 Irradiance stays what the lights send, whatever the skin is: a look with another skin reuses it. What a medium and a
 face make of it begins here, light by light, so that each stays linear in its light.
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, sample_map
+from skinbake.diffuse.terms.beam import BEAM_SIGMA_MM, BeamShift, decide_beam, free_path_of, has_beam, moved_share
 from skinbake.diffuse.terms.interreflection import (
     add_at_full_size,
     bounced_light,
@@ -27,8 +28,9 @@ from skinbake.irradiance.slant import Slant, apply_slant, decide_incidence, slan
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
+from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
-from skinbake.scene.lights import EnvironmentLight
+from skinbake.scene.lights import EnvironmentLight, LightSpec
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
@@ -46,6 +48,8 @@ class LightEntering:
         Of the lights, or "total" where they are summed.
     rgb : dict of int to ndarray of shape (L, H, W, 3), float32
         By tile, times albedo^x.
+    beam : dict of int to ndarray of shape (L, H, W, 3), float32, optional
+        The same for lobes of `BEAM_SIGMA_MM` and wider: what lamps send stands where it first scatters.
     mean_albedo : ndarray of shape (3,)
         Of the skin.
     plan : tuple of Decision
@@ -53,6 +57,7 @@ class LightEntering:
 
     names: tuple[str, ...]
     rgb: dict[int, Image]
+    beam: dict[int, Image] | None
     mean_albedo: Float
     plan: tuple[Decision, ...]
 
@@ -64,9 +69,10 @@ def light_entering(
     atlas: Atlas,
     irradiance: tuple[IrradianceMap, ...],
     gaussians: GaussianSum,
-    incidence: Incidence | str,
+    medium: SkinMedium,
+    incidence: Incidence | None,
 ) -> LightEntering:
-    """Irradiance with the terms `incidence` and `interreflection`, times albedo^x; theory.md 9.5, 9.7.
+    """Irradiance with the terms `incidence`, `beam` and `interreflection`, times albedo^x; theory.md 9.5 to 9.7.
 
     Parameters
     ----------
@@ -79,39 +85,104 @@ def light_entering(
         Of the same tiles.
     gaussians : GaussianSum
         Its total is what comes back of light along the normal.
-    incidence : Incidence or str
-        Of the skin's medium; or why nothing is known of it.
+    medium : SkinMedium
+        The skin's, or why nothing is known of it or of the directions of light.
+    incidence : Incidence, optional
+        Of the medium, unless it is not asked for or there is no medium.
     """
-    slant = incidence if isinstance(incidence, str) else slant_of(incidence, _reference(spec, gaussians, incidence))
-    names, slanted, plan = _decide_incidence(spec, irradiance[0].lights, slant)
-    light = {}
+    slant = slant_of(incidence, _reference(spec, gaussians, incidence)) if incidence else None
+    names = irradiance[0].lights
+    slanted, plan = _decide_incidence(spec, slant, medium.why)
+    albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
+    exponent = np.float32(spec.texturing.exponent_before)
+    shifts, shifted, lines = _decide_beam(spec, scene, atlas, irradiance, gaussians, medium)
+    plan += lines
+    light, further = {}, {}
     lamps = any(not isinstance(of, EnvironmentLight) for of in spec.lights if of.name in slanted)
-    for raster, tile in zip(atlas, irradiance, strict=True):
+    for k, (raster, tile) in enumerate(zip(atlas, irradiance, strict=True)):
         normal = shading_normals(raster, scene.mesh, scene.maps)[1] if lamps else np.zeros((1, 1, 3), np.float32)
         out = np.zeros((len(names) if decisions.separate_lights else 1, *raster.shape, 3), np.float32)
+        moved = np.zeros_like(out) if shifted else None
         for i, name in enumerate(names):
             image = tile.rgb[i].astype(np.float32)
             if name in slanted:
-                of_name = next(of for of in spec.lights if of.name == name)
-                assert isinstance(slant, Slant)
-                apply_slant(raster, normal, scene.occluder, of_name, slant, image)
+                assert slant is not None
+                apply_slant(raster, normal, scene.occluder, _named(spec, name), slant, image)
             # Blurring is linear: what is stored summed is blurred summed
-            out[i if decisions.separate_lights else 0] += image
+            place = i if decisions.separate_lights else 0
+            out[place] += image
+            if moved is not None and name in shifted:
+                image *= albedo[k] ** exponent
+                moved[place] += shifts[k].read(_named(spec, name), image) - image
         light[raster.tile] = out
+        if moved is not None:
+            further[raster.tile] = moved
     if not decisions.separate_lights:
         names = (TOTAL_LIGHT,)
 
-    albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     counted = slanted | ({TOTAL_LIGHT} if slanted else set())
-    gain = {name: _entering_again(spec, decisions, slant if name in counted else "off") for name in names}
+    gain = {name: _entering_again(spec, decisions, slant if name in counted else None) for name in names}
     plan += _bounce(spec, scene, atlas, names, light, [a * _total(gaussians) for a in albedo], gain)
 
     area = [raster.area_mm2[..., None] for raster in atlas]
     total = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True))
-    exponent = np.float32(spec.texturing.exponent_before)
-    for (_, rgb), colour in zip(light.items(), albedo, strict=True):
+    for (tile_number, rgb), colour in zip(light.items(), albedo, strict=True):
         rgb *= colour**exponent
-    return LightEntering(names, light, total / sum(map(np.sum, area)), tuple(plan))
+        if tile_number in further:
+            further[tile_number] += rgb
+            np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
+    return LightEntering(names, light, further or None, total / sum(map(np.sum, area)), tuple(plan))
+
+
+def _named(spec: SceneSpec, name: str) -> LightSpec:
+    """The look's light of a name."""
+    return next(of for of in spec.lights if of.name == name)
+
+
+def _decide_beam(
+    spec: SceneSpec,
+    scene: SceneData,
+    atlas: Atlas,
+    irradiance: tuple[IrradianceMap, ...],
+    gaussians: GaussianSum,
+    medium: SkinMedium,
+) -> tuple[list[BeamShift], set[str], list[Decision]]:
+    """What shifts light, by tile, the lights that are shifted, and the plan's lines.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    scene : SceneData
+    atlas : Atlas
+    irradiance : tuple of IrradianceMap
+    gaussians : GaussianSum
+    medium : SkinMedium
+    """
+    switch, tolerance = spec.terms.beam, spec.diffusion.tolerance
+    if switch == "off":
+        return [], set(), [Decision("beam", False, "off")]
+    free_path = free_path_of(medium)
+    if isinstance(free_path, str):
+        return [], set(), [Decision("beam", False, f"{switch}: {free_path}")]
+    wide = gaussians.variance_mm2 >= BEAM_SIGMA_MM**2
+    share = float(gaussians.weight_rgb[wide].sum() / max(gaussians.weight_rgb.sum(), 1e-12))
+    shifts = [
+        BeamShift(raster, scene.mesh, scene.occluder, spec.texture.udim, k, *free_path)
+        for k, raster in enumerate(atlas)
+    ]
+    lines = []
+    for i, name in enumerate(irradiance[0].lights):
+        light = _named(spec, name)
+        if not has_beam(light):
+            lines.append(Decision(f"{name}.beam", False, f"{switch}: its light has no one direction"))
+            continue
+        of_tiles = zip(atlas, shifts, irradiance, strict=True)
+        squares = [
+            moved_share(raster, shift, light, tile.rgb[i].astype(np.float32)) for raster, shift, tile in of_tiles
+        ]
+        moved, there = np.sum(squares, axis=0)
+        lines.append(decide_beam(name, share * float(np.sqrt(moved / there)) if there > 0 else 0.0, switch, tolerance))
+    return shifts, {line.term.removesuffix(".beam") for line in lines if line.enabled}, lines
 
 
 def _reference(spec: SceneSpec, gaussians: GaussianSum, incidence: Incidence) -> Float:
@@ -128,25 +199,22 @@ def _total(gaussians: GaussianSum) -> Image:
     return gaussians.weight_rgb.sum(axis=0).astype(np.float32)
 
 
-def _decide_incidence(
-    spec: SceneSpec, names: tuple[str, ...], slant: Slant | str
-) -> tuple[tuple[str, ...], set[str], list[Decision]]:
-    """Names of the lights, those whose light is multiplied by the factors, and the plan's lines."""
+def _decide_incidence(spec: SceneSpec, slant: Slant | None, why_not: str) -> tuple[set[str], list[Decision]]:
+    """Names of the lights whose light is multiplied by the factors, and the plan's lines."""
     switch = spec.terms.incidence
-    if switch == "off" or isinstance(slant, str):
-        why = "off" if switch == "off" else f"{switch}: {slant}"
-        return names, set(), [Decision("incidence", False, why)]
+    if switch == "off" or slant is None:
+        return set(), [Decision("incidence", False, "off" if switch == "off" else f"{switch}: {why_not}")]
     lines = [decide_incidence(light, slant, switch, spec.diffusion.tolerance) for light in spec.lights]
-    return names, {of.name for of, line in zip(spec.lights, lines, strict=True) if line.enabled}, lines
+    return {of.name for of, line in zip(spec.lights, lines, strict=True) if line.enabled}, lines
 
 
-def _entering_again(spec: SceneSpec, decisions: Decisions, slant: Slant | str) -> Image:
+def _entering_again(spec: SceneSpec, decisions: Decisions, slant: Slant | None) -> Image:
     """Factor on light from skin that falls on skin: what the oil lets in, and that it comes from everywhere; (3,)."""
     share = 1.0
     if decisions.energy_conservation.enabled:
         oil = spec.specular
         share = float(np.clip(1 - oil.strength * mean_specular_albedo(oil.roughness, oil.f0), 0, 1))
-    factor = slant.diffuse_rgb if isinstance(slant, Slant) else np.ones(3)
+    factor = slant.diffuse_rgb if slant else np.ones(3)
     return (share * factor).astype(np.float32)
 
 

@@ -17,6 +17,7 @@ from skinbake.atlas import Tiles
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
+from skinbake.diffuse.terms.beam import BEAM_SIGMA_MM
 from skinbake.numerics import Float
 
 Kind = tuple[Any, ...]
@@ -38,19 +39,36 @@ class Memoizer:
     memoize : callable, optional
         Knows mesh, raster, spec, and what identifies the light behind each name; a kind adds the rest. Without it
         methods are run on all lights at once.
+    of_wide : LobeResources, optional
+        Of the light that lobes of `BEAM_SIGMA_MM` and wider blur, where that is another.
     """
 
-    def __init__(self, resources: LobeResources, names: tuple[str, ...], memoize: Memoize | None = None) -> None:
-        self.resources, self.names, self._memoize = resources, names, memoize
-        self._of_lights = {names: resources}
+    def __init__(
+        self,
+        resources: LobeResources,
+        names: tuple[str, ...],
+        memoize: Memoize | None = None,
+        of_wide: LobeResources | None = None,
+    ) -> None:
+        self.resources, self.names, self._memoize, self._of_wide = resources, names, memoize, of_wide
+        self._of_lights: dict[tuple[bool, tuple[str, ...]], LobeResources] = {(False, names): resources}
+        if of_wide:
+            self._of_lights[True, names] = of_wide
+
+    def of_lobe(self, variance_mm2: float) -> LobeResources:
+        """What the lobe of a variance is made of."""
+        return self._of_wide if self._of_wide and self._is_wide(variance_mm2) else self.resources
+
+    def _is_wide(self, variance_mm2: float) -> bool:
+        return self._of_wide is not None and variance_mm2 >= BEAM_SIGMA_MM**2
 
     def map(self, method: DiffusionMethod, lobe: LobeParameters) -> Tiles:
         """The lobe at its stored size, (L, h, w, 3) a tile."""
         if self._memoize is None or method.quick:
-            return method.map(self.resources, lobe)
+            return method.map(self.of_lobe(lobe.variance_mm2), lobe)
 
         def make(names: tuple[str, ...]) -> dict[str, Values]:
-            tiles = method.map(self._only(names), lobe)
+            tiles = method.map(self._only(names, lobe), lobe)
             return {name: {str(tile): rgb[i] for tile, rgb in tiles.items()} for i, name in enumerate(names)}
 
         found = self._memoize(("map", method.name, *lobe), self.names, make)
@@ -100,20 +118,22 @@ class Memoizer:
         probes: Probes,
     ) -> Float:
         if self._memoize is None or method.quick:
-            return operation(self.resources, lobe, probes)
+            return operation(self.of_lobe(lobe.variance_mm2), lobe, probes)
 
         def make(names: tuple[str, ...]) -> dict[str, Values]:
-            values = operation(self._only(names), lobe, probes)
+            values = operation(self._only(names, lobe), lobe, probes)
             return {name: {"values": values[:, 3 * i : 3 * i + 3]} for i, name in enumerate(names)}
 
         found = self._memoize((what, method.name, *lobe, _digest(probes)), self.names, make)
         return np.concatenate([np.asarray(found[name]["values"], np.float64) for name in self.names], axis=1)
 
-    def _only(self, names: tuple[str, ...]) -> LobeResources:
-        """Resources of some of the lights, with the same geometry."""
-        if names not in self._of_lights:
-            self._of_lights[names] = self.resources.of_lights([self.names.index(name) for name in names])
-        return self._of_lights[names]
+    def _only(self, names: tuple[str, ...], lobe: LobeParameters) -> LobeResources:
+        """Resources of some of the lights for a lobe, with the same geometry."""
+        key = self._is_wide(lobe.variance_mm2), names
+        if key not in self._of_lights:
+            chosen = [self.names.index(name) for name in names]
+            self._of_lights[key] = self.of_lobe(lobe.variance_mm2).of_lights(chosen)
+        return self._of_lights[key]
 
 
 def _digest(probes: Probes) -> str:

@@ -16,7 +16,7 @@ from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
-from skinbake.profile.skin_medium import skin_medium
+from skinbake.profile.skin_medium import SkinMedium, skin_medium
 from skinbake.scene.decision import Decisions
 from skinbake.scene.spec import SceneSpec
 
@@ -30,7 +30,8 @@ def scatter(
     atlas: Atlas,
     irradiance: tuple[IrradianceMap, ...],
     gaussians: GaussianSum,
-    incidence: Incidence | str,
+    medium: SkinMedium,
+    incidence: Incidence | None,
     say: Callable[[str], None] | None = None,
     remember: Memoize | None = None,
 ) -> DiffuseMap:
@@ -46,14 +47,14 @@ def scatter(
     irradiance : tuple of IrradianceMap
         Of the same tiles.
     gaussians : GaussianSum
-    incidence : Incidence or str
+    medium, incidence
         As in `light_entering`.
     say : callable, optional
         Told in words what begins.
     remember : callable, optional
         As in `diffuse`.
     """
-    entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, incidence)
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
     diffused = diffuse(
         entering.rgb,
         entering.names,
@@ -65,6 +66,7 @@ def scatter(
         precision=spec.output.precision,
         progress=say,
         remember=remember,
+        beam=entering.beam,
     )
     mean_albedo, plan = entering.mean_albedo, entering.plan
     del entering

@@ -52,10 +52,15 @@ def scaled_source(tiles: Tiles) -> tuple[Tiles, list[int]]:
     for k in range(len(next(iter(tiles.values())))):
         peak = max(max(float(t[k].max(initial=0)), -float(t[k].min(initial=0))) for t in tiles.values())
         exponents.append(int(np.frexp(peak)[1]) if peak > 0 and not _FAINTEST < peak < _BRIGHTEST else 0)
+    return scaled_by(tiles, exponents), exponents
+
+
+def scaled_by(tiles: Tiles, exponents: list[int]) -> Tiles:
+    """Each light divided by two to the power of its exponent; the same arrays where all of these are 0."""
     if not any(exponents):
-        return tiles, exponents
+        return tiles
     factor = np.exp2(-np.asarray(exponents, np.float64))[:, None, None, None]
-    return {tile: (rgb * factor).astype(np.float32) for tile, rgb in tiles.items()}, exponents
+    return {tile: (rgb * factor).astype(np.float32) for tile, rgb in tiles.items()}
 
 
 def unscaled(rgb: NDArray[np.float32], exponents: list[int]) -> NDArray[np.float32]:

@@ -275,6 +275,7 @@ class TermsSpec(Strict):
 
     energy_conservation: Switch = "auto"
     incidence: Switch = "auto"
+    beam: Switch = "auto"
     interreflection: Switch = "auto"
     bounces: Annotated[int, Field(ge=1, le=16)] = 1
     transmission: Switch = "auto"

@@ -5,26 +5,31 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinbake.atlas import rasterize
+from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.light_entering import light_entering
+from skinbake.diffuse.terms.beam import BeamShift
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.light_skin import light_skin
+from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import reflect_slanted
-from skinbake.profile.skin_medium import medium_incidence, skin_medium
+from skinbake.profile.skin_medium import SkinMedium, medium_incidence, skin_medium
+from skinbake.scene.lights import DirectionalLight
 from skinbake.scene.maps import SkinMaps
+from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.skin import DipoleSkin
 from skinbake.scene.spec import SceneSpec
 from tests.diffuse.test_interreflection import plates
-from tests.shapes import quad
+from tests.shapes import joined, quad
 
 SKIN = {"model": "dipole", "sigma_a_per_mm": [0.032, 0.17, 0.48], "sigma_sp_per_mm": [0.74, 0.88, 1.01], "eta": 1.0}
-INCIDENCE = medium_incidence(skin_medium(DipoleSkin(**SKIN)))
+MEDIUM = skin_medium(DipoleSkin(**SKIN))
+INCIDENCE = medium_incidence(MEDIUM)
 ALBEDO = (0.8, 0.5, 0.25)
 SKY = {"name": "sky", "type": "environment", "radiance": [1, 2, 3]}
-OFF = {"energy_conservation": "off", "incidence": "off", "interreflection": "off", "transmission": "off"}
+OFF = dict.fromkeys(("energy_conservation", "incidence", "beam", "interreflection", "transmission"), "off")
 
 
 def sun(mu: float, name="sun"):
@@ -33,7 +38,7 @@ def sun(mu: float, name="sun"):
     return {"name": name, "type": "directional", "direction": direction, "irradiance": [1, 2, 3]}
 
 
-def entering(mesh, lights, terms, size=(33, 32), incidence=INCIDENCE, weight=(1.0, 1.0, 1.0), **keys):
+def entering(mesh, lights, terms, size=(33, 32), medium=MEDIUM, weight=(1.0, 1.0, 1.0), **keys):
     """Light that is blurred, that which arrived, and the raster."""
     spec = SceneSpec.model_validate(
         {
@@ -47,17 +52,19 @@ def entering(mesh, lights, terms, size=(33, 32), incidence=INCIDENCE, weight=(1.
     decisions = decide(spec)
     arrived = light_skin(spec, decisions, scene, atlas)
     gaussians = GaussianSum(np.ones(1), np.array([weight]), np.zeros(3), np.array(weight))
-    return light_entering(spec, decisions, scene, atlas, arrived, gaussians, incidence), arrived[0], atlas[0]
+    incidence = INCIDENCE if medium.layers else None
+    return light_entering(spec, decisions, scene, atlas, arrived, gaussians, medium, incidence), arrived[0], atlas[0]
 
 
 def test_without_terms_it_is_light_times_albedo_to_the_bit():
     """Off, and off for want of a medium."""
-    for terms in ({}, {"incidence": "on"}):
-        got, arrived, _ = entering(plates(), [sun(0.6), SKY], terms, incidence="nothing is known")
+    for terms in ({}, {"incidence": "on", "beam": "on"}):
+        got, arrived, _ = entering(plates(), [sun(0.6), SKY], terms, medium=SkinMedium(why="nothing is known"))
         assert (got.rgb[1001] == arrived.rgb * np.array(ALBEDO, np.float32)).all()
         assert got.names == ("sun", "sky")
+        assert got.beam is None
         assert not any(line.enabled for line in got.plan)
-    assert "on: nothing is known" in got.plan[0].why
+    assert [line.why for line in got.plan[:2]] == ["on: nothing is known"] * 2
 
 
 def test_white_skin_looks_in_a_constant_sky_as_before():
@@ -105,14 +112,17 @@ def test_skin_lights_skin_by_the_form_factor():
 
 def test_lights_stay_linear():
     """Terms of two lights together are those of each; summed before the blur they are the sum."""
-    terms = {"incidence": "on", "interreflection": "on", "bounces": 2}
+    terms = {"incidence": "on", "beam": "on", "interreflection": "on", "bounces": 2}
     lights = [sun(0.7) | {"shadows": False}, sun(-0.4, "back") | {"shadows": False}]
-    both = entering(plates(), lights, terms)[0].rgb[1001]
-    each = [entering(plates(), [light], terms)[0].rgb[1001][0] for light in lights]
-    np.testing.assert_array_equal(both, np.stack(each))
+    both = entering(plates(), lights, terms)[0]
+    each = [entering(plates(), [light], terms)[0] for light in lights]
     total = entering(plates(), lights, terms, output={"lights": "total"})[0]
     assert total.names == ("total",)
-    np.testing.assert_allclose(total.rgb[1001][0], both.sum(axis=0), rtol=1e-5, atol=1e-6)
+    for of in ("rgb", "beam"):
+        image = getattr(both, of)[1001]
+        np.testing.assert_array_equal(image, np.concatenate([getattr(one, of)[1001] for one in each]))
+        np.testing.assert_allclose(getattr(total, of)[1001][0], image.sum(axis=0), rtol=1e-5, atol=1e-6)
+    assert not np.array_equal(both.rgb[1001], both.beam[1001])
 
 
 def test_a_second_bounce_adds_what_comes_back():
@@ -136,3 +146,62 @@ def test_a_spectral_skin_has_a_table_too():
     few = reflect_slanted(medium.layers, 64)
     rgb = few.reflectance_rgb @ medium.to_rgb.T
     assert (rgb[4] > rgb[-1]).all()
+
+
+def test_even_light_is_not_moved_and_auto_says_so():
+    """A plane in the sun: upstream there is the same light. Skies have no upstream."""
+    got, arrived, _ = entering(quad(), [sun(0.4), SKY], {"beam": "on"})
+    np.testing.assert_allclose(got.beam[1001], arrived.rgb * np.array(ALBEDO, np.float32), rtol=1e-5)
+    assert [line.enabled for line in got.plan if line.term.endswith(".beam")] == [True, False]
+    auto = entering(quad(), [sun(0.4), SKY], {"beam": "auto"})[0]
+    assert auto.beam is None
+    assert not any(line.enabled for line in auto.plan)
+
+
+def test_what_a_beam_lights_stands_further_along():
+    """Half of a plane lies in the shadow of a sheet: light is found one free path over eta further along it."""
+    size, mu = (241, 240), 0.6
+    mesh = quad(24.0, 24.0)
+    shift = MEDIUM.layers[0].medium.free_path_mm * 0.8
+    spec = [sun(mu)]
+    got, _, raster = entering(mesh, spec, {"beam": "on"}, size)
+    image = np.zeros((*raster.shape, 3), np.float32)
+    image[:, : size[0] // 2] = 1
+    light = DirectionalLight(**spec[0])
+    upstream = BeamShift(raster, mesh, Occluder(mesh), False, 0, MEDIUM.layers[0].medium.free_path_mm, 1.0)
+    moved = upstream.read(light, image)
+    # The sun of `sun` travels towards -x
+    edge_mm = moved[60].sum(axis=0) * 24.0 / size[0]
+    np.testing.assert_allclose(edge_mm - image[60].sum(axis=0) * 24.0 / size[0], -shift, atol=0.06)
+    rows = np.arange(5, 240, 24)
+    np.testing.assert_array_equal(upstream.read(light, image, rows), moved[rows])
+    of_index = BeamShift(raster, mesh, Occluder(mesh), False, 0, MEDIUM.layers[0].medium.free_path_mm, 1.6)
+    nearer = of_index.read(light, image)[60].sum(axis=0) * 24.0 / size[0]
+    np.testing.assert_allclose(nearer - image[60].sum(axis=0) * 24.0 / size[0], -shift / 1.6, atol=0.06)
+    assert got.plan[1].term == "sun.beam"
+
+
+def test_rays_find_what_lies_upstream_in_another_chart():
+    """Two charts of one plane: light that depends on the place alone is read across the seam, to a texel."""
+    left = quad(20.0, 20.0, uv_box=(0.55, 0.02, 0.98, 0.98))
+    right = quad(20.0, 20.0, uv_box=(0.02, 0.02, 0.45, 0.98))
+    right = SkinMesh(right.positions_mm + np.array([20.0, 0, 0]), right.faces, right.corner_uv, right.corner_normal)
+    mesh, size = joined(left, right), (256, 128)
+    (raster,) = rasterize(mesh, size, 2)
+    x = interpolate(raster, mesh.corner_position_mm)[..., 0]
+    image = np.repeat(x[..., None], 3, axis=2).astype(np.float32)
+    upstream = BeamShift(raster, mesh, Occluder(mesh), False, 0, np.array([3.0, 2.0, 1.0]), 1.0)
+    moved = upstream.read(DirectionalLight(**sun(0.6)), image)
+    inside = raster.covered & (x < x.max() - 3)
+    texel_mm = 20.0 / (0.43 * 256)
+    for c, shift in enumerate((2.4, 1.6, 0.8)):
+        assert np.abs(moved[..., c] - x - shift)[inside].max() < texel_mm
+    assert (np.abs(moved - image)[~raster.addressed] == 0).all()
+
+
+def test_a_medium_of_several_layers_has_no_one_free_path():
+    """Its plan says why."""
+    layers = SkinMedium(MEDIUM.layers * 2)
+    got = entering(quad(), [sun(0.5)], {"beam": "on"}, medium=layers)[0]
+    assert got.beam is None
+    assert "several layers" in got.plan[1].why

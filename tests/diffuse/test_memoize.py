@@ -26,11 +26,11 @@ class Store:
         return {name: self.entries[kind, name] for name in names}
 
 
-def run(memoizer, method, operation, probes):
+def run(memoizer, method, operation, probes, lobe=LOBE):
     """All of an operation's values, flat."""
     if operation == "map":
-        return np.concatenate([rgb.ravel() for rgb in memoizer.map(method, LOBE).values()])
-    return getattr(memoizer, operation)(method, LOBE, probes).ravel()
+        return np.concatenate([rgb.ravel() for rgb in memoizer.map(method, lobe).values()])
+    return getattr(memoizer, operation)(method, lobe, probes).ravel()
 
 
 @pytest.mark.parametrize("operation", OPERATIONS)
@@ -64,3 +64,19 @@ def test_other_probes_and_other_parameters_are_not_taken_for_the_same():
     ):
         memoizer.at_probes(*asked)
     assert len(store.made) == 4
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+@pytest.mark.parametrize("name", METHODS)
+def test_wide_lobes_blur_the_light_that_was_shifted_and_narrow_ones_do_not(name, operation):
+    """To the bit what each light gives by itself, remembered or not."""
+    method, near, far = METHODS[name], lit(), lit()
+    for rgb in far.source.values():
+        rgb *= np.float32(0.7)
+    probes = draw_probes(near.geometry, 50, 0)
+    both = [Memoizer(near, ("key", "rim"), store, far) for store in (None, Store())]
+    for lobe, of in ((LobeParameters(0.15, 0, 0.8, 0.02), near), (LobeParameters(0.17, 0, 0.8, 0.02), far)):
+        want = run(Memoizer(of, ("key", "rim")), method, operation, probes, lobe)
+        for memoizer in both:
+            np.testing.assert_array_equal(run(memoizer, method, operation, probes, lobe), want)
+            assert memoizer.of_lobe(lobe.variance_mm2) is of

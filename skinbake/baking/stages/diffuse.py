@@ -10,13 +10,13 @@ from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
 from skinbake.diffuse.scatter import scatter
+from skinbake.diffuse.terms.beam import BEAM_SIGMA_MM
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.lobes import as_stored_lobes
 from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
-from skinbake.profile.incidence import Incidence
-from skinbake.profile.skin_medium import skin_medium
+from skinbake.profile.skin_medium import SkinMedium, skin_medium
 
 if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
@@ -77,26 +77,27 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         return before, self._inputs.key("albedo") if before else None
 
     def _entering(self, gaussians: GaussianSum) -> list[Any]:
-        """What the terms `incidence` and `interreflection` read besides the light, its maps and the mesh."""
+        """What the terms `incidence`, `beam` and `interreflection` read besides the light, its maps and the mesh."""
         inputs, spec = self._inputs, self._inputs.spec
         terms, total = spec.terms, gaussians.weight_rgb.sum(axis=0).tolist()
-        incidence = interreflection = None
+        incidence = beam = interreflection = None
         if terms.incidence != "off":
             medium = skin_medium(spec.skin)
             incidence = (terms.incidence, medium.identity, medium.why, spec.skin.normalise, total)
+        if terms.beam != "off":
+            medium = skin_medium(spec.skin)
+            wide = gaussians.weight_rgb[gaussians.variance_mm2 >= BEAM_SIGMA_MM**2].sum()
+            beam = (terms.beam, medium.identity, medium.why, float(wide / max(gaussians.weight_rgb.sum(), 1e-12)))
         if terms.interreflection != "off":
             oil = inputs.decisions.energy_conservation.enabled, spec.specular.model_dump(mode="json")
             interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))
-        return [incidence, interreflection]
+        return [incidence, beam, interreflection]
 
-    def _incidence(self) -> Incidence | str:
-        """R(mu) of the skin's medium, or why it is not known."""
-        if self._inputs.spec.terms.incidence == "off":
-            return "off"
+    def _medium(self) -> SkinMedium:
+        """The skin's, as far as terms of slanted light may use it."""
         if self._irradiance.light_keys is None:
-            return "the irradiance was given, and with it no directions"
-        medium = skin_medium(self._inputs.spec.skin)
-        return incidence_table(medium, self._say) if medium.layers else medium.why
+            return SkinMedium(why="the irradiance was given, and with it no directions")
+        return skin_medium(self._inputs.spec.skin)
 
     @property
     def inputs_read(self) -> dict[str, str]:
@@ -115,7 +116,8 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
     def compute(self) -> DiffuseMap:
         """Every lobe; a light that the cache knows is not blurred again."""
         inputs = self._inputs
-        gaussians, irradiance = self._profile.result(), self._irradiance.result()
+        gaussians, irradiance, medium = self._profile.result(), self._irradiance.result(), self._medium()
+        slanted = medium.layers and inputs.spec.terms.incidence != "off"
         return scatter(
             inputs.spec,
             inputs.decisions,
@@ -123,7 +125,8 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             self._raster.result(),
             irradiance,
             gaussians,
-            self._incidence(),
+            medium,
+            incidence_table(medium, self._say) if slanted else None,
             say=self._say,
             remember=self._memoize(self._irradiance.light_keys, self._entering(gaussians)),
         )

@@ -99,7 +99,7 @@ def plan_auto(
 
 def _candidates(memoizer: Memoizer, variance: float, probes: Probes, exact: Float, half: bool) -> list[Candidate]:
     """What all methods propose, from the full size down."""
-    resources = memoizer.resources
+    resources = memoizer.of_lobe(variance)
     texels2 = resources.geometry.variance_texels2(variance)
     blurs = min(texels2) >= IDENTITY_TEXELS2
     levels = range(min(widest_level(texels2), MAX_LEVELS) + 1 if blurs else 0)

@@ -1,0 +1,298 @@
+"""Beams reach further: light that enters at a slant first scatters about a free path further along.
+
+What a lobe of some width blurs is then not light where it entered, but where it was first scattered. So each place of
+the skin is given the light that entered one transport free path times the sine inside upstream, along the tangent
+(theory.md 9.6). As light is read from there, and not sent from here, constant light stays what it is. Narrow lobes
+stand for light that came out again near where it entered; they keep the light as it was.
+
+Upstream is found across the texture where that leads to the place that was meant, with rays down to the skin elsewhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster, uv_jacobian
+from skinbake.atlas.raster import NO_FACE
+from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.punctual_light import emitter, towards
+from skinbake.irradiance.shadow_origin import facet_point
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float
+from skinbake.profile.skin_medium import SkinMedium
+from skinbake.scene.decision import Decision
+from skinbake.scene.lights import DirectionalLight, LightSpec, PointLight, SpotLight
+from skinbake.scene.mesh import SkinMesh
+
+Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+BEAM_SIGMA_MM = 0.4  # lobes from here on blur the light that was shifted; measured on two heads against walks
+DROP = 1.0  # of the shift, by which the skin there may lie off the tangent plane
+TURNS = 3  # steps across the texture towards the place
+LOOKED_AT = 24  # one row in so many says how much the shift is worth
+
+
+def has_beam(light: LightSpec) -> bool:
+    """Whether all of a light comes to a place from one direction."""
+    return isinstance(light, DirectionalLight | PointLight | SpotLight)
+
+
+def free_path_of(medium: SkinMedium) -> tuple[Float, float] | str:
+    """Transport free path by channel, mm, and index; or why there is none."""
+    if not medium.layers:
+        return medium.why
+    if len(medium.layers) > 1 or medium.to_rgb is not None:
+        return "skin of several layers or wavelengths has no single free path"
+    (layer,) = medium.layers
+    return layer.medium.free_path_mm, layer.eta
+
+
+class BeamShift:
+    """Reads light upstream of a tile's texels.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    mesh : SkinMesh
+    occluder : Occluder
+    udim : bool
+    number : int
+        Place of the tile in the atlas.
+    free_path_mm : ndarray of shape (3,)
+    eta : float
+    """
+
+    def __init__(
+        self,
+        raster: AtlasRaster,
+        mesh: SkinMesh,
+        occluder: Occluder,
+        udim: bool,
+        number: int,
+        free_path_mm: Float,
+        eta: float,
+    ) -> None:
+        height, width = raster.shape
+        self._raster, self._mesh, self._occluder = raster, mesh, occluder
+        self._udim, self._number = udim, number
+        self._reach_mm = free_path_mm / eta
+        self._corner = np.ascontiguousarray(mesh.corner_position_mm - occluder.centre_mm)
+        # A step of one column is du = 1 / width, of one row dv = -1 / height
+        self._step = np.ascontiguousarray(uv_jacobian(mesh) * np.array([1 / width, -1 / height])[:, None])
+
+    def read(self, light: LightSpec, image: Image, rows: Index | None = None) -> Image:
+        """Light upstream, shape (rows, W, 3); where no skin is found upstream, the light that is there.
+
+        Parameters
+        ----------
+        light : LightSpec
+            With one direction (`has_beam`).
+        image : ndarray of shape (H, W, 3)
+            Its light.
+        rows : ndarray, optional
+            Of the texture; all of them by default.
+        """
+        raster, source = self._raster, emitter(light, self._occluder.centre_mm)
+        rows = np.arange(len(image)) if rows is None else rows
+        out = image[rows].copy()
+        lost = np.zeros((len(rows), image.shape[1]), np.bool_)
+        parallel_for(
+            _read_upstream, len(rows),
+            rows, source, raster.face_index, raster.barycentric, self._corner, self._mesh.corner_normal, self._step,
+            self._reach_mm, image, out, lost,
+        )  # fmt: skip
+        at = np.argwhere(lost)
+        if len(at):
+            self._read_by_rays(source, rows, at, image, out)
+        return out
+
+    def _read_by_rays(self, source: Float, rows: Index, at: Index, image: Image, out: Image) -> None:
+        """Write the light that rays find upstream of some texels."""
+        raster, shape = self._raster, image.shape
+        origin, down = np.empty((len(at), 3, 3), np.float32), np.empty((len(at), 3, 3), np.float32)
+        parallel_for(
+            _aim_upstream, len(at),
+            rows[at[:, 0]], at[:, 1], source, raster.face_index, raster.barycentric, self._corner,
+            self._mesh.corner_normal, self._reach_mm, origin, down,
+        )  # fmt: skip
+        tile, texel = locate_hits(
+            self._mesh, self._occluder, (shape[1], shape[0]), self._udim, origin.reshape(-1, 3), down.reshape(-1, 3)
+        )
+        found = ((texel != NOTHING) & (tile == self._number)).reshape(-1, 3)
+        flat = image.reshape(-1, 3)
+        for c in range(3):
+            mine = np.flatnonzero(found[:, c])
+            out[at[mine, 0], at[mine, 1], c] = flat[texel.reshape(-1, 3)[mine, c], c]
+
+
+def moved_share(raster: AtlasRaster, shift: BeamShift, light: LightSpec, image: Image) -> tuple[float, float]:
+    """Squares of the change and of the light, summed over a sample of a tile's skin.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    shift : BeamShift
+        Of the tile.
+    light : LightSpec
+    image : ndarray of shape (H, W, 3)
+        Its light.
+    """
+    rows = np.arange(LOOKED_AT // 2 % len(image), len(image), LOOKED_AT)
+    area = raster.area_mm2[rows][..., None].astype(np.float64)
+    here = image[rows]
+    moved = shift.read(light, image, rows).astype(np.float64) - here
+    return float((area * moved**2).sum()), float((area * here.astype(np.float64) ** 2).sum())
+
+
+def decide_beam(name: str, moved: float, switch: str, tolerance: float) -> Decision:
+    """Whether a shift is worth it for a light.
+
+    Parameters
+    ----------
+    name : str
+        Of the light.
+    moved : float
+        Change of what lobes that are wide enough blur, relative rms, times their share of the profile.
+    switch : "auto" or "on"
+    tolerance : float
+    """
+    why = f"{switch}: light that enters at a slant scatters further along: {moved:.2%} of it (rms) is elsewhere"
+    return Decision(f"{name}.beam", switch == "on" or moved > tolerance, f"{why}, tolerance {tolerance:.2%}")
+
+
+@kernel(inline=True)
+def _tangent(source, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Part of the unit direction to a light in the tangent plane."""
+    lx, ly, lz, _, _ = towards(source, px, py, pz)
+    along = lx * nx + ly * ny + lz * nz
+    return lx - along * nx, ly - along * ny, lz - along * nz
+
+
+@kernel(inline=True)
+def _unit_normal(normals, face, b1, b2):  # type: ignore[no-untyped-def]
+    x, y, z = facet_point(normals, face, b1, b2)
+    length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
+    return x / length, y / length, z / length
+
+
+@kernel
+def _read_upstream(  # type: ignore[no-untyped-def]
+    first, stop, rows, source, face_index, barycentric, corner, normals, step, reach_mm, image, out, lost
+):
+    """Light upstream of each texel of some rows, found across the texture.
+
+    Parameters
+    ----------
+    first, stop : int
+        Which of the rows.
+    rows : ndarray of shape (R,)
+    source : ndarray of shape (10,)
+        As `emitter` makes it.
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    corner, normals : ndarrays of shape (F, 3, 3)
+        Positions about the rays' centre, mm, and normals.
+    step : ndarray of shape (F, 2, 3)
+        Skin of one column and of one row, mm.
+    reach_mm : ndarray of shape (3,)
+        Free path over index.
+    image : ndarray of shape (H, W, 3)
+    out : ndarray of shape (R, W, 3), written where a place was found
+    lost : ndarray of shape (R, W), written
+        Where none was.
+    """
+    height, width = face_index.shape
+    longest = max(reach_mm[0], reach_mm[1], reach_mm[2])
+    for k in range(first, stop):
+        row = rows[k]
+        for col in range(width):
+            face = face_index[row, col]
+            if face == NO_FACE:
+                continue
+            b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
+            px, py, pz = facet_point(corner, face, b1, b2)
+            nx, ny, nz = _unit_normal(normals, face, b1, b2)
+            tx, ty, tz = _tangent(source, px, py, pz, nx, ny, nz)
+            sx, sy, sz = longest * tx, longest * ty, longest * tz
+            shift2 = sx * sx + sy * sy + sz * sz
+            x, y = np.float64(col), np.float64(row)
+            at_col, at_row = col, row
+            found = False
+            for _ in range(TURNS):
+                # From the texel at hand to the place, in texels of its face
+                u, v = step[face, 0], step[face, 1]
+                uu, uv, vv = u[0] * u[0] + u[1] * u[1] + u[2] * u[2], 0.0, 0.0
+                for axis in range(3):
+                    uv += u[axis] * v[axis]
+                    vv += v[axis] * v[axis]
+                det = uu * vv - uv * uv
+                if not det > 1e-12 * uu * vv:
+                    break
+                qx, qy, qz = facet_point(corner, face, b1, b2)
+                rx, ry, rz = px + sx - qx, py + sy - qy, pz + sz - qz
+                ru, rv = rx * u[0] + ry * u[1] + rz * u[2], rx * v[0] + ry * v[1] + rz * v[2]
+                dx, dy = (vv * ru - uv * rv) / det, (uu * rv - uv * ru) / det
+                x, y = at_col + dx, at_row + dy
+                # What is left of the way lies off the tangent plane there
+                ox = rx - dx * u[0] - dy * v[0]
+                oy = ry - dx * u[1] - dy * v[1]
+                oz = rz - dx * u[2] - dy * v[2]
+                if max(abs(dx), abs(dy)) <= 1.0:
+                    found = ox * ox + oy * oy + oz * oz <= DROP * DROP * shift2 + 1e-12
+                    break
+                if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
+                    break
+                at_col, at_row = int(x + 0.5), int(y + 0.5)
+                face = face_index[at_row, at_col]
+                if face == NO_FACE:
+                    break
+                b1, b2 = np.float64(barycentric[at_row, at_col, 0]), np.float64(barycentric[at_row, at_col, 1])
+            if not found:
+                lost[k, col] = True
+                continue
+            for c in range(3):
+                part = reach_mm[c] / longest
+                cx, cy = col + part * (x - col), row + part * (y - row)
+                x0, y0 = int(np.floor(cx)), int(np.floor(cy))
+                fx, fy = cx - x0, cy - y0
+                total, weight = 0.0, 0.0
+                for i in range(2):
+                    for j in range(2):
+                        r, q = y0 + i, x0 + j
+                        if r < 0 or q < 0 or r >= height or q >= width or face_index[r, q] == NO_FACE:
+                            continue
+                        w = (fy if i else 1.0 - fy) * (fx if j else 1.0 - fx)
+                        total += w * image[r, q, c]
+                        weight += w
+                if weight > 1e-3:
+                    out[k, col, c] = total / weight
+
+
+@kernel
+def _aim_upstream(  # type: ignore[no-untyped-def]
+    first, stop, rows, cols, source, face_index, barycentric, corner, normals, reach_mm, origin, down
+):
+    """Rays down to the skin upstream of texels, one a channel, written.
+
+    Parameters
+    ----------
+    first, stop : int
+        Which of the texels.
+    rows, cols : ndarrays of shape (n,)
+    source, face_index, barycentric, corner, normals, reach_mm
+        As in `_read_upstream`.
+    origin, down : ndarrays of shape (n, 3, 3)
+    """
+    for k in range(first, stop):
+        face = face_index[rows[k], cols[k]]
+        b1, b2 = np.float64(barycentric[rows[k], cols[k], 0]), np.float64(barycentric[rows[k], cols[k], 1])
+        px, py, pz = facet_point(corner, face, b1, b2)
+        nx, ny, nz = _unit_normal(normals, face, b1, b2)
+        tx, ty, tz = _tangent(source, px, py, pz, nx, ny, nz)
+        for c in range(3):
+            origin[k, c, 0] = px + reach_mm[c] * (tx + nx)
+            origin[k, c, 1] = py + reach_mm[c] * (ty + ny)
+            origin[k, c, 2] = pz + reach_mm[c] * (tz + nz)
+            down[k, c, 0], down[k, c, 1], down[k, c, 2] = -nx, -ny, -nz
