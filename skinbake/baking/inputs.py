@@ -20,7 +20,7 @@ from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import fit_skin
-from skinbake.scene.spec import SceneSpec
+from skinbake.scene.spec import OF_FILE, SceneSpec
 
 _DETAILED = ("albedo", "normal", "height", "detail")  # maps that a coarser texture loses detail of
 
@@ -112,10 +112,12 @@ class BakeInputs:
         spec, digest = self.spec, self.digests.get(role)
         if role == "mesh":
             texture = spec.texture.model_dump(mode="json")
-            return spec.mesh.model_dump(mode="json", exclude={"path", "any_size"}), texture, digest
+            return spec.mesh.model_dump(mode="json", exclude={"path", "any_size", "opacity"}), texture, digest
         if role == OCCLUDERS:
             placed = [each.model_dump(mode="json", exclude={"path", "opacity"}) for each in spec.occluders]
-            return placed, sorted(item for item in self.digests.items() if item[0].startswith("occluder."))
+            pictures = [(name, picture == OF_FILE) for name, picture in spec.mesh.opacity.items()]
+            pictures += [("", each.opacity == OF_FILE) for each in spec.occluders]
+            return placed, pictures, sorted(item for item in self.digests.items() if item[0].startswith("occluder."))
         if role.startswith("light."):
             light = next(light for light in spec.lights if f"light.{light.name}" == role)
             return light.model_dump(mode="json", exclude={"path"}), digest, self.digests.get("ocio")

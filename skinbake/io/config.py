@@ -15,10 +15,10 @@ from skinbake.io.yaml_lines import Key, Located, dotted, parse_value, read_yaml
 from skinbake.scene.batch import BatchSpec
 from skinbake.scene.parse import parse, unknown_keys
 from skinbake.scene.skin import SkinSpec
-from skinbake.scene.spec import DIFFUSION_METHODS, SceneSpec
+from skinbake.scene.spec import DIFFUSION_METHODS, OF_FILE, SceneSpec
 
 _PATH_KEYS = re.compile(
-    r"mesh\.path|occluders\[\d+\]\.(path|opacity)|maps\.(?!source$|vertex_colors$)\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"
+    r"mesh\.path|mesh\.opacity(\..+)?|occluders\[\d+\]\.(path|opacity)|maps\.(?!source$|vertex_colors$)\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"
 )
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}")
 
@@ -130,7 +130,7 @@ def _refuse_unknown_color_spaces(located: Located) -> None:
 
 def _inputs(value: Any, key: Key = ()) -> Iterator[tuple[Key, str]]:
     """Keys and paths of the files that a checked look reads."""
-    if isinstance(value, str) and _PATH_KEYS.fullmatch(dotted(key)) and key[0] != "output":
+    if _is_path(value, key) and key[0] != "output":
         yield key, value
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for part, inner in items:
@@ -245,7 +245,7 @@ def resolve_paths(located: Located, base: Path, only: str | None = None) -> None
             return {k: visit(v, (*key, k)) for k, v in value.items()}
         if isinstance(value, list):
             return [visit(v, (*key, i)) for i, v in enumerate(value)]
-        if isinstance(value, str) and _PATH_KEYS.fullmatch(dotted(key)) and only in (None, located.place(key)):
+        if _is_path(value, key) and only in (None, located.place(key)):
             try:
                 return str(_absolute(value, base))
             except InputError as error:
@@ -255,6 +255,12 @@ def resolve_paths(located: Located, base: Path, only: str | None = None) -> None
     located.value = visit(located.value, ())
     if faults:
         raise ConfigError(faults)
+
+
+def _is_path(value: Any, key: Key) -> bool:
+    """Whether a value is a path, not the word for what the mesh's own file holds."""
+    name = dotted(key)
+    return isinstance(value, str) and bool(_PATH_KEYS.fullmatch(name)) and not (value == OF_FILE and "opacity" in name)
 
 
 def _absolute(text: str, base: Path) -> Path:

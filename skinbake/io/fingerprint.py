@@ -11,7 +11,7 @@ from skinbake.errors import InputError
 from skinbake.io.digests import key_of, sha256_of
 from skinbake.io.mesh.files import mesh_files
 from skinbake.io.tile_names import tile_files
-from skinbake.scene.spec import SceneSpec
+from skinbake.scene.spec import OF_FILE, SceneSpec
 
 
 def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
@@ -34,10 +34,13 @@ def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
     roles["skin"] = getattr(spec.skin, "path", None)
     found = {role: tuple(files_named(path)) for role, path in roles.items() if path is not None}
     found["mesh"] = mesh_files(spec.mesh.path)
+    for index, picture in enumerate(spec.mesh.opacity.values()):
+        if picture != OF_FILE:
+            found[f"occluder.mesh.{index}.opacity"] = (Path(picture),)
     for index, occluder in enumerate(spec.occluders):
         found[f"occluder.{index}"] = mesh_files(occluder.path)
-        if occluder.opacity is not None:
-            found[f"occluder.{index}.opacity"] = (Path(occluder.opacity),)
+        if occluder.opacity not in (None, OF_FILE):
+            found[f"occluder.{index}.opacity"] = (Path(str(occluder.opacity)),)
     for role, files in found.items():
         if not files:
             raise InputError(f"{roles[role]}: expected a file for at least one UDIM tile, found none")

@@ -87,6 +87,7 @@ def first_look(path: Path, look: Path) -> str:
     entries += ["any_size: true"] if any_size else []
     entries += [f"skin: [{', '.join(map(_quoted, chosen.skin))}]"] if chosen.skin else []
     entries += [f"ignore: [{', '.join(map(_quoted, chosen.ignore))}]"] if chosen.ignore else []
+    entries += ["opacity: file"] if _cast_has_alpha(path, raw, chosen) else []
     texture = (
         "size: 2048, gutter: 8"
         + (", udim: true" if chosen.udim else "")
@@ -233,6 +234,17 @@ def _materials_hold_maps(path: Path, raw: RawMesh, chosen: _Chosen) -> bool:
         return False
     alike = {replace(material, name="") for material in materials}
     return all(material.base_image is not None for material in materials) and (chosen.udim or len(alike) == 1)
+
+
+def _cast_has_alpha(path: Path, raw: RawMesh, chosen: _Chosen) -> bool:
+    """Whether what casts has materials that are not opaque, such as hair cards."""
+    cast = [label not in (*chosen.skin, *chosen.ignore) for label in raw.labels] if chosen.skin else []
+    used = {index for index, casts in zip(raw.material, cast, strict=False) if casts}
+    try:
+        materials = read_materials(GltfFile(path), sorted(used), None, ("base",)) if used else ()
+    except InputError:
+        return False
+    return any(each.alpha_mode != "OPAQUE" for each in materials)
 
 
 def _map_beside(path: Path, role: str) -> Path | None:

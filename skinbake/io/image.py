@@ -136,8 +136,14 @@ def read_map(path: Path | str, channels: int, assume: str = "auto", color_space:
     return _three_channels(path, values)
 
 
-def read_opacity(path: Path | str) -> Image:
+def read_opacity(path: Path | str, or_grey: bool = True) -> Image:
     """What stops light at each texel, 0 ... 1, shape (h, w): the alpha of a picture that has one, else its grey.
+
+    Parameters
+    ----------
+    path : path
+    or_grey : bool
+        False: a picture without alpha is opaque.
 
     Raises
     ------
@@ -149,6 +155,8 @@ def read_opacity(path: Path | str) -> Image:
     stored = read_stored(path, divide=False)
     if stored.alpha is not None:
         return _within(path, stored.alpha[..., None], 0.0, 1.0)[..., 0]
+    if not or_grey:
+        return np.ones(stored.pixels.shape[:2], np.float32)
     grey = _decoded(path, stored, "linear", True)[0].mean(axis=2, keepdims=True)
     return _within(path, grey.astype(np.float32), 0.0, 1.0)[..., 0]
 

@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field, model_validator
 from skinbake.io.atomic import write_text
 from skinbake.io.config import parse_scene
 from skinbake.io.record import Record, read_record
-from skinbake.scene.spec import SceneSpec
+from skinbake.scene.spec import OF_FILE, SceneSpec
 
 NAME = "bake.json"
 
@@ -115,7 +115,8 @@ def spec_of(manifest: Mapping[str, Any], folder: Path | str) -> SceneSpec:
 def _mapped(value: Any, change: Any, key: str = "") -> Any:
     """The value with every path below it changed."""
     if isinstance(value, dict):
-        return {k: _mapped(v, change, k) for k, v in value.items()}
+        return {k: _mapped(v, change, key if key == "opacity" else k) for k, v in value.items()}
     if isinstance(value, list):
         return [_mapped(v, change) for v in value]
-    return change(value) if key in ("path", "dir", "opacity") and isinstance(value, str) else value
+    is_path = key in ("path", "dir", "opacity") and isinstance(value, str)
+    return change(value) if is_path and not (key == "opacity" and value == OF_FILE) else value

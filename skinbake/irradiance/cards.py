@@ -10,6 +10,7 @@ from skinbake.scene.casters import OPAQUE, Casters
 
 Vectors = NDArray[np.float32]
 LAYERS = 256  # that a ray looks through before it counts as stopped
+DARK = 1 / 1024  # share of light below which a ray counts as stopped
 SPACINGS = 8  # float32 spacings by which a ray starts again beyond a card
 
 
@@ -38,10 +39,9 @@ class Cards:
         self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
 
     def blocked(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Whether each ray is stopped by a card, shape (n,).
+        """Whether each ray is stopped by the cards, shape (n,): with the probability that `transmitted` leaves.
 
-        A card of opacity a stops a ray with probability a. The chance is a hash of the ray and the card: the same for
-        the same ray, whatever is asked beside it.
+        The chance is a hash of the ray: the same for the same ray, whatever is asked beside it.
 
         Parameters
         ----------
@@ -49,25 +49,35 @@ class Cards:
         reach : ndarray of shape (n,), float32
             Distance up to which cards count, in lengths of `direction`.
         """
-        stopped = np.zeros(len(origin), np.bool_)
+        return self.transmitted(origin, direction, reach) <= _chance(origin, direction)
+
+    def transmitted(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Share of light that passes all cards along each ray, shape (n,): a card of opacity a lets 1 - a pass.
+
+        Parameters
+        ----------
+        origin, direction, reach
+            As of `blocked`.
+        """
+        share = np.ones(len(origin), np.float32)
         alive, start, left = np.arange(len(origin)), origin.copy(), reach.copy()
         length = np.maximum(np.linalg.norm(direction, axis=1), np.float32(1e-30))
         for _ in range(LAYERS):
             if not len(alive):
-                return stopped
+                return share
             hit = self._scene.run(start[alive], direction[alive], output=1)
             triangle, distance = hit["primID"], hit["tfar"]
             met = (triangle >= 0) & (distance < left[alive])
             alive, triangle, distance = alive[met], triangle[met], distance[met]
-            opacity = self._opacity(triangle, hit["u"][met], hit["v"][met])
-            stops = opacity > _chance(origin[alive], direction[alive], triangle)
-            stopped[alive[stops]] = True
-            alive, distance = alive[~stops], distance[~stops]
+            share[alive] *= 1 - self._opacity(triangle, hit["u"][met], hit["v"][met])
+            dark = share[alive] < DARK
+            share[alive[dark]] = 0
+            alive, distance = alive[~dark], distance[~dark]
             step = distance * np.float32(1 + 1e-6) + np.float32(self._spacing) / length[alive]
             start[alive] += direction[alive] * step[:, None]
             left[alive] -= step
-        stopped[alive] = True
-        return stopped
+        share[alive] = 0
+        return share
 
     def _opacity(self, triangle: NDArray[np.int32], b1: Vectors, b2: Vectors) -> NDArray[np.float32]:
         """Nearest texel of each triangle's picture, which repeats."""
@@ -84,9 +94,9 @@ class Cards:
         return found
 
 
-def _chance(origin: Vectors, direction: Vectors, triangle: NDArray[np.int32]) -> NDArray[np.float64]:
-    """A number from 0 up to 1 for each ray and card, by hashing their bits [Steele2014]."""
-    word = triangle.astype(np.uint64)
+def _chance(origin: Vectors, direction: Vectors) -> NDArray[np.float64]:
+    """A number from 0 up to 1 for each ray, by hashing its bits [Steele2014]."""
+    word = np.zeros(len(origin), np.uint64)
     for vectors in (origin, direction):
         bits = np.ascontiguousarray(vectors).view(np.uint32).astype(np.uint64)
         for axis in range(3):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,9 +72,9 @@ def open_sums(
     def add_up(part: slice) -> None:
         starts, rays = (np.empty((len(out[part]) * directions.shape[1], 3), np.float32) for _ in range(2))
         count = _aim(origin[part], normal[part], directions, starts, rays)
-        clear = np.ones(count, np.bool_)
+        clear: NDArray[Any] = np.ones(count, np.bool_)
         if occluder is not None:
-            clear = ~occluder.occluded(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
+            clear = occluder.unhindered(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
         _sum(clear, normal[part], directions, weights, roughness[part], strength[part], table, f0, out[part])
 
     for_slices(add_up, len(origin), max(1, RAYS // directions.shape[1]))
@@ -109,7 +111,7 @@ def _aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: I
 
 @kernel
 def _sum(
-    clear: NDArray[np.bool_],
+    clear: NDArray[Any],
     normal: Image,
     directions: Image,
     weights: Image,
@@ -123,8 +125,8 @@ def _sum(
 
     Parameters
     ----------
-    clear : ndarray of shape (rays,)
-        Whether each ray leaves the skin unhindered.
+    clear : ndarray of shape (rays,), bool or float32
+        Share of each ray that leaves the skin unhindered.
     normal : ndarray of shape (n, 3)
     directions, weights : ndarrays of shape (3, s)
     roughness, strength : ndarrays of shape (n,)
@@ -142,13 +144,14 @@ def _sum(
                 continue
             of_r, of_g, of_b = cosine * weights[0, s], cosine * weights[1, s], cosine * weights[2, s]
             r, g, b = r + of_r, g + of_g, b + of_b
-            if clear[ray]:
-                oil = 1.0
+            share = np.float64(clear[ray])
+            if share > 0.0:
+                oil = share
                 if table.size > 0:
                     albedo = albedo_at(table, np.float64(cosine), np.float64(roughness[i]), f0)
-                    oil = min(max(1.0 - strength[i] * albedo, 0.0), 1.0)
+                    oil *= min(max(1.0 - strength[i] * albedo, 0.0), 1.0)
                 passed_r, passed_g, passed_b = passed_r + of_r * oil, passed_g + of_g * oil, passed_b + of_b * oil
-                passed += of_r + of_g + of_b
+                passed += share * (of_r + of_g + of_b)
             ray += 1
         out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 0, 3] = r, g, b, r + g + b
         out[i, 1, 0], out[i, 1, 1], out[i, 1, 2], out[i, 1, 3] = passed_r, passed_g, passed_b, passed

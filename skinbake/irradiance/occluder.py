@@ -89,6 +89,38 @@ class Occluder:
         for_slices(ask, len(origin), BATCH)
         return answer
 
+    def unhindered(
+        self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]
+    ) -> NDArray[np.bool_] | NDArray[np.float32]:
+        """Share of light that each ray keeps, shape (n,): as booleans where nothing is half transparent.
+
+        Parameters
+        ----------
+        origin, direction, reach
+            As of `occluded`.
+        """
+        if self._cards is None:
+            return ~self.occluded(origin, direction, reach)
+        answer = np.empty(len(origin), np.float32)
+
+        def ask(part: slice) -> None:
+            rays = direction[part] if len(direction) > 1 else direction
+            hit = self._scene.run(origin[part], rays, reach[part], query="OCCLUDED")
+            answer[part] = hit == -1
+            self._dim_by_cards(answer[part], origin[part], rays, reach[part])
+
+        for_slices(ask, len(origin), BATCH)
+        return answer
+
+    def _dim_by_cards(
+        self, answer: NDArray[np.float32], origin: Vectors, rays: Vectors, reach: NDArray[np.float32]
+    ) -> None:
+        """Multiply the answers (n,) of rays that meet nothing opaque by what the cards leave of them."""
+        assert self._cards is not None
+        clear = np.flatnonzero(answer)
+        rays = rays[clear] if len(rays) > 1 else np.repeat(rays, len(clear), axis=0)
+        answer[clear] = self._cards.transmitted(origin[clear], rays, reach[clear])
+
     def first_hit(
         self, origin: Vectors, direction: Vectors
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:

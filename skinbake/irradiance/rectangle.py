@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,11 +101,11 @@ def light_rectangle(
                 sent,
                 passed,
             )
-            blocked = np.zeros(reach.size, np.bool_)
+            clear: NDArray[Any] = np.ones(reach.size, np.bool_)
             if casts:
                 starts = np.repeat(origin, grid**2, axis=0)
-                blocked = occluder.occluded(starts, ray.reshape(-1, 3), reach.ravel())
-            clear = ~blocked.reshape(sent.shape)
+                clear = occluder.unhindered(starts, ray.reshape(-1, 3), reach.ravel())
+            clear = clear.reshape(sent.shape)
             total = sent.sum(axis=1)
             none = total <= 0
             total[none] = 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,14 +64,14 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
     return lit
 
 
-def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[np.bool_]:
-    """Whether the light reaches each origin (n, 3), shape (n,)."""
+def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[Any]:
+    """Share of the light that reaches each origin (n, 3), shape (n,)."""
     if source[0] == DIRECTIONAL:
         direction, reach = source[None, 1:4].astype(np.float32), np.full(len(origin), np.inf, np.float32)
     else:
         direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
         parallel_for(aim, len(origin), source, origin, direction, reach)
-    return ~occluder.occluded(origin, direction, reach)
+    return occluder.unhindered(origin, direction, reach)
 
 
 @kernel

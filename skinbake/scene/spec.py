@@ -44,24 +44,34 @@ class MeshFileSpec(Strict):
         return MM_PER_UNIT.get(str(self.unit), self.mm_per_unit)
 
 
+OF_FILE = "file"  # in place of a path: what the mesh's own file holds
+
+
+def _picture_of_all(value: Any) -> Any:
+    """One picture as that of all parts."""
+    return {"*": value} if isinstance(value, str) else value
+
+
 class MeshSpec(MeshFileSpec):
     """The head, and what its file's parts are: names or patterns with * and ?.
 
     `skin` is baked; without it everything is that neither casts nor is ignored. `cast` shadows the skin, as does all
-    that `skin` leaves out; `ignore` is as if it were not there.
+    that `skin` leaves out; `ignore` is as if it were not there. `opacity` is a picture for all that casts, or one for
+    each name of a part: its alpha, or grey, says what stops light; `file` is the alpha of a glTF's own materials.
     """
 
     any_size: bool = False  # skips the scale gate, for test scenes that are not heads
     skin: Patterns = ()
     cast: Patterns = ()
     ignore: Patterns = ()
+    opacity: Annotated[dict[str, str], BeforeValidator(_picture_of_all)] = Field({}, max_length=256)
 
 
 class OccluderSpec(MeshFileSpec):
     """A file of things that shadow the skin: a hat, hair, glasses; those of its `parts` that match."""
 
     parts: Patterns = ("*",)
-    opacity: str | None = None  # picture whose alpha, or grey, says what stops light
+    opacity: str | None = None  # picture whose alpha, or grey, says what stops light; `file` as of a mesh
 
 
 def _lower(value: Any) -> Any:
@@ -141,9 +151,9 @@ SKIN_RGB = (0.57, 0.34, 0.25)  # linear Rec.709, of light skin: sRGB 198 157 137
 
 def _file_as_source(value: Any) -> Any:
     """The text `file` as the mapping it stands for."""
-    if isinstance(value, str) and value != "file":
+    if isinstance(value, str) and value != OF_FILE:
         raise ValueError("expected a mapping of maps, or file for those of the mesh's own materials")
-    return {"source": "file"} if value == "file" else value
+    return {"source": OF_FILE} if value == OF_FILE else value
 
 
 class MapsSpec(Strict):

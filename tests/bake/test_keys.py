@@ -66,6 +66,21 @@ def test_a_changed_occluder_stales_light_and_transmission(tmp_path, keys):
         seen.add(light)
 
 
+def test_a_changed_opacity_of_what_the_mesh_casts_stales_light(tmp_path, keys):
+    """Another picture, another part's, the file's own, or none; the raster stays."""
+    before = keys()
+    picture, other = (f"mesh.opacity={{{name}: {tmp_path}/alpha.png}}" for name in ("Hair", "Hat"))
+    seen = {before[0]}
+    for overrides in ((picture,), (other,), ("mesh.opacity=file",)):
+        light, diffuse, raster = keys(*overrides)
+        assert light not in seen
+        assert diffuse != before[1]
+        assert raster == before[2]
+        seen.add(light)
+    write_png(tmp_path / "alpha.png", quad_alpha(9))
+    assert keys(picture)[0] not in seen
+
+
 def test_occluders_are_inputs_and_move_with_the_folder(tmp_path, keys):
     """Their files are hashed by role, and the manifest's paths are relative to the bake."""
     keys()

@@ -134,6 +134,24 @@ def test_maps_of_the_file_itself(tmp_path, capsys):
     assert started(tmp_path, "me.glb").maps.source is None
 
 
+def test_hair_cards_of_the_file_itself(tmp_path):
+    """What casts and has a material that is not opaque: `opacity: file`."""
+    character(tmp_path)
+    assert started(tmp_path, "hero.glb").mesh.opacity == {}
+    made = Gltf()
+    nodes = []
+    for name, mesh in (("Face", sphere(120.0, "latlong", 12)), ("Hair", quad(40, 20, 130))):
+        positions, uv, normals, faces = vertices_of(mesh)
+        attributes = {"POSITION": made.accessor(positions / 1000), "NORMAL": made.accessor(normals)}
+        attributes["TEXCOORD_0"] = made.accessor(uv)
+        material = made.material(name=name, alphaMode="BLEND" if name == "Hair" else "OPAQUE")
+        index = made.mesh(attributes, made.accessor(faces.ravel(), "I"), name=name, material=material)
+        nodes.append({"name": name, "mesh": index})
+    made.tree["nodes"], made.tree["scenes"] = nodes, [{"nodes": [0, 1]}]
+    (tmp_path / "hero.glb").write_bytes(made.glb())
+    assert started(tmp_path, "hero.glb").mesh.opacity == {"*": "file"}
+
+
 def test_without_uvs_or_with_stacked_ones_a_layout_is_made(tmp_path):
     """And no map is taken from beside it."""
     write_png(tmp_path / "albedo.png", np.full((4, 4, 3), 128, np.uint8))

@@ -6,9 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
+from skinbake.atlas import rasterize
+from skinbake.irradiance.light_texels import light_texels
 from skinbake.irradiance.occluder import Occluder
 from skinbake.scene.casters import OPAQUE, Casters, joined_casters
+from skinbake.scene.lights import LightSpec
+from skinbake.scene.maps import SkinMaps
 from tests.shapes import quad
 
 FLAT = quad(100.0, 100.0)
@@ -87,3 +92,41 @@ def test_joined_casters_keep_their_pictures():
     assert both.image.tolist() == [0, 0, OPAQUE, OPAQUE, 1, 1]
     assert both.positions_mm[both.faces].max(axis=1)[:, 2].tolist() == [10, 10, 20, 20, 30, 30]
     assert joined_casters([]) is None
+
+
+def test_what_passes_cards_is_no_chance():
+    """Every ray keeps (1 - a)(1 - b) behind two cards, nothing behind an opaque caster, all of it where none stands."""
+    for casters, share in (
+        ([card(20.0, [[0.5]]), card(40.0, [[0.3]])], 0.35),
+        ([card(20.0, [[0.5]]), card(40.0)], 0.0),
+        ([card(20.0, [[0.0]])], 1.0),
+        ([card(10.0 * (k + 1), [[0.9]]) for k in range(4)], 0.0),  # less than anybody sees
+    ):
+        occluder = Occluder(replace(SKIN, casters=joined_casters(casters)))
+        start = (origins(500)[1] - occluder.centre_mm).astype(np.float32)
+        kept = occluder.unhindered(start, UP, np.full(500, np.inf, np.float32))
+        np.testing.assert_allclose(kept, share, rtol=1e-5)
+    assert Occluder(SKIN).unhindered(start, UP, np.full(500, np.inf, np.float32)).dtype == np.bool_
+
+
+LIGHTS = {
+    "directional": {"direction": [0, 0, -1], "irradiance": [1, 1, 1]},
+    "rectangle": {
+        "position_mm": [50, 50, 60],
+        "edge_u_mm": [-20, 0, 0],
+        "edge_v_mm": [0, 20, 0],
+        "radiance": [1, 1, 1],
+    },
+    "environment": {"radiance": [1, 1, 1], "samples": 64},
+}
+
+
+@pytest.mark.parametrize("kind", LIGHTS)
+def test_light_behind_a_half_transparent_card_is_smooth(kind):
+    """Under one large enough for every ray to meet it, the unshadowed share is 1 - a at every texel, without noise."""
+    wide = card(2.0, [[0.3]])
+    wide = replace(wide, positions_mm=(wide.positions_mm - [50, 50, 0]) * [200, 200, 1] + [50, 50, 0])
+    mesh = replace(SKIN, casters=wide)
+    light = TypeAdapter(LightSpec).validate_python({"name": "k", "type": kind, **LIGHTS[kind]})
+    (found,) = light_texels(rasterize(mesh, (32, 32), 1), mesh, SkinMaps(), [light])
+    np.testing.assert_allclose(found.visibility[0][4:-4, 4:-4], 0.7, atol=2e-3)

@@ -13,6 +13,7 @@ from skinbake.errors import InputError
 from skinbake.io.mesh.gltf_file import GltfFile, file_of
 from skinbake.numerics import Float
 
+TEXTURES = ("base", "normal", "roughness")
 OTHER_TEXTURES = ("normalTexture", "occlusionTexture", "emissiveTexture")
 SUFFIX = {"image/png": ".png", "image/jpeg": ".jpg", "image/webp": ".webp"}
 # Extensions of a texture whose picture replaces a plain one
@@ -35,6 +36,9 @@ class GltfMaterial:
         The same of r, whose GGX lobe has alpha = r^2.
     normal_scale : float
         Multiplies x and y.
+    alpha_mode : "OPAQUE", "MASK" or "BLEND"
+    alpha, alpha_cutoff : float
+        Multiplies the alpha of the base colour; what of it stops light where the mode is MASK.
     """
 
     name: str
@@ -44,6 +48,9 @@ class GltfMaterial:
     roughness: float | None = None
     normal_image: int | None = None
     normal_scale: float = 1.0
+    alpha_mode: str = "OPAQUE"
+    alpha: float = 1.0
+    alpha_cutoff: float = 0.5
 
 
 def uv_of_material(material: dict[str, Any], uv_set: int | None) -> tuple[int, Float]:
@@ -60,7 +67,9 @@ def uv_of_material(material: dict[str, Any], uv_set: int | None) -> tuple[int, F
     return uv_set or 0, np.eye(3)
 
 
-def read_materials(file: GltfFile, indices: Sequence[int], uv_set: int | None) -> tuple[GltfMaterial, ...]:
+def read_materials(
+    file: GltfFile, indices: Sequence[int], uv_set: int | None, textures: Sequence[str] = TEXTURES
+) -> tuple[GltfMaterial, ...]:
     """Materials by their indices; -1 is the one of a primitive without any.
 
     Parameters
@@ -69,6 +78,8 @@ def read_materials(file: GltfFile, indices: Sequence[int], uv_set: int | None) -
     indices : sequence of int
     uv_set : int or None
         Of the look: by which the mesh was read.
+    textures : sequence of str
+        Which are wanted, of TEXTURES; others are left out, whatever is wrong with them.
 
     Raises
     ------
@@ -76,34 +87,34 @@ def read_materials(file: GltfFile, indices: Sequence[int], uv_set: int | None) -
         A texture that is read by other UVs than the mesh has, or whose picture is of a kind that is not supported.
     """
     try:
-        return tuple(_material(file, index, uv_set) for index in indices)
+        return tuple(_material(file, index, uv_set, textures) for index in indices)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{file.path}: damaged material ({type(error).__name__}: {str(error)[:120]})") from None
 
 
-def _material(file: GltfFile, index: int, uv_set: int | None) -> GltfMaterial:
+def _material(file: GltfFile, index: int, uv_set: int | None, textures: Sequence[str]) -> GltfMaterial:
     if index < 0:
         return GltfMaterial("none")
     entry = file.item("materials", index)
     name = str(entry.get("name") or f"material {index}")
     if "KHR_materials_pbrSpecularGlossiness" in entry.get("extensions", {}):
         raise InputError(
-            f"{file.path}: maps: file: {name} uses KHR_materials_pbrSpecularGlossiness, which is not supported;"
-            " export it with metallic-roughness materials, or name the maps under maps"
+            f"{file.path}: {name} uses KHR_materials_pbrSpecularGlossiness, which is not supported;"
+            " export it with metallic-roughness materials, or name the pictures in the look"
         )
     physical = entry.get("pbrMetallicRoughness", {})
     chosen = uv_of_material(entry, uv_set)
 
-    def image(texture: dict[str, Any] | None, key: str) -> int | None:
+    def image(texture: dict[str, Any] | None, of: str, key: str) -> int | None:
         """Index of a texture's image."""
-        if texture is None:
+        if texture is None or of not in textures:
             return None
         by = _uv_of_texture(texture)
         if by[0] != chosen[0] or not np.allclose(by[1], chosen[1]):
             raise InputError(
-                f"{file.path}: maps: file: {name}: its {key} is read by other UVs than the mesh (TEXCOORD_{by[0]}, the"
-                f" mesh by TEXCOORD_{chosen[0]}, or another KHR_texture_transform); set mesh.uv_set, or name the maps"
-                " under maps"
+                f"{file.path}: {name}: its {key} is read by other UVs than the mesh (TEXCOORD_{by[0]}, the"
+                f" mesh by TEXCOORD_{chosen[0]}, or another KHR_texture_transform); set mesh.uv_set, or name the"
+                " pictures in the look"
             )
         return _image_of(file, texture["index"], f"{name}: {key}")
 
@@ -111,12 +122,15 @@ def _material(file: GltfFile, index: int, uv_set: int | None) -> GltfMaterial:
     normal, roughness = entry.get("normalTexture"), physical.get("roughnessFactor")
     return GltfMaterial(
         name,
-        image(physical.get("baseColorTexture"), "baseColorTexture"),
+        image(physical.get("baseColorTexture"), "base", "baseColorTexture"),
         None if rgb is None else (float(rgb[0]), float(rgb[1]), float(rgb[2])),
-        image(physical.get("metallicRoughnessTexture"), "metallicRoughnessTexture"),
+        image(physical.get("metallicRoughnessTexture"), "roughness", "metallicRoughnessTexture"),
         None if roughness is None else float(roughness),
-        image(normal, "normalTexture"),
+        image(normal, "normal", "normalTexture"),
         1.0 if normal is None else float(normal.get("scale", 1.0)),
+        str(entry.get("alphaMode", "OPAQUE")),
+        1.0 if rgb is None else float(rgb[3]),
+        float(entry.get("alphaCutoff", 0.5)),
     )
 
 
@@ -127,8 +141,8 @@ def _image_of(file: GltfFile, texture: Any, what: str) -> int:
     if source is None:
         kind = next((PICTURES[name] for name in extensions if name in PICTURES), "a texture without a picture")
         raise InputError(
-            f"{file.path}: maps: file: {what}: expected a PNG or JPEG, got {kind}, which is not supported;"
-            " export it with PNG or JPEG textures, or name the maps under maps"
+            f"{file.path}: {what}: expected a PNG or JPEG, got {kind}, which is not supported;"
+            " export it with PNG or JPEG textures, or name the pictures in the look"
         )
     return int(source)
 

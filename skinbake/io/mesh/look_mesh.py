@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from skinbake.errors import InputError
-from skinbake.io.image import read_opacity
+from skinbake.io.mesh.opacity import with_opacity
 from skinbake.io.mesh.parts import choose_parts
 from skinbake.io.mesh.placement import placed
 from skinbake.io.mesh.raw_file import read_raw
@@ -40,6 +38,7 @@ def read_look_mesh(spec: SceneSpec, waiting: Waiting = unseen) -> SkinMesh:
         skin=of.skin,
         cast=of.cast,
         ignore=of.ignore,
+        opacity=of.opacity,
         waiting=waiting,
     )
     painted = [name for name in ("albedo", "normal", "roughness", "specular") if getattr(maps, name) is not None]
@@ -88,9 +87,4 @@ def read_occluder(spec: OccluderSpec) -> Casters:
     casters = casters_of(raw, cast, spec.flip_v)
     if spec.opacity is None:
         return casters
-    bare = np.unique(raw.part[cast & ~raw.has_uv])
-    if len(bare):
-        raise InputError(
-            f"{path}: occluders.opacity: expected UVs by which to look it up, {raw.labels[bare[0]]} has none"
-        )
-    return replace(casters, image=np.zeros_like(casters.image), opacity=(read_opacity(spec.opacity),))
+    return with_opacity(path, raw, cast, casters, {"*": spec.opacity}, spec.uv_set, "occluders.opacity")

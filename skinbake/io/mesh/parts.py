@@ -67,7 +67,7 @@ def choose_parts(
         A pattern that no part answers to, nothing that is skin, or skin without UVs.
     """
     wanted = {SKIN: (key or "mesh.skin", skin), CAST: ("mesh.cast", cast), IGNORE: ("mesh.ignore", ignore)}
-    chosen = {role: _matching(path, raw, *patterns) for role, patterns in wanted.items()}
+    chosen = {role: parts_matching(path, raw, *patterns) for role, patterns in wanted.items()}
     rest = CAST if skin else SKIN
     of_part = tuple(
         next((role for role in (IGNORE, CAST, SKIN) if part in chosen[role]), rest) for part in range(len(raw.names))
@@ -101,8 +101,23 @@ def _refuse_bare(path: Path, raw: RawMesh, bare: NDArray[np.bool_], skin: NDArra
         )
 
 
-def _matching(path: Path, raw: RawMesh, key: str, patterns: Sequence[str]) -> set[int]:
-    """Parts one of whose names answers to one of the patterns."""
+def parts_matching(path: Path, raw: RawMesh, key: str, patterns: Sequence[str]) -> set[int]:
+    """Parts one of whose names answers to one of the patterns.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    raw : RawMesh
+    key : str
+        Of the look, for messages.
+    patterns : sequence of str
+
+    Raises
+    ------
+    InputError
+        A pattern that no part answers to.
+    """
     found: set[int] = set()
     for pattern in patterns:
         parts = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
+from skinbake.io.mesh.opacity import with_opacity
 from skinbake.io.mesh.parts import choose_parts
 from skinbake.io.mesh.placement import placed
 from skinbake.io.mesh.raw_file import LARGEST, read_raw
@@ -35,6 +36,7 @@ def read_mesh(
     skin: Sequence[str] = (),
     cast: Sequence[str] = (),
     ignore: Sequence[str] = (),
+    opacity: Mapping[str, str] | None = None,
     waiting: Waiting = unseen,
 ) -> SkinMesh:
     """Read a mesh: polygons cut into triangles, positions welded, UVs and normals kept per corner.
@@ -58,6 +60,8 @@ def read_mesh(
         See `placed`.
     skin, cast, ignore : sequences of str
         See `choose_parts`.
+    opacity : mapping of str to str, optional
+        See `with_opacity`.
     waiting : Waiting
         Told while UVs are made.
 
@@ -78,7 +82,9 @@ def read_mesh(
     if len(bad):
         raise InputError(f"{path}: expected finite UVs, got NaN or Inf in {len(bad)} triangles, the first is {bad[0]}")
     has_uvs = bool(raw.has_uv[roles.skin].all())
-    casters = casters_of(raw, roles.cast, flip_v) if roles.cast.any() else None
+    casters = casters_of(raw, roles.cast, flip_v) if roles.cast.any() or opacity else None
+    if casters is not None and opacity:
+        casters = with_opacity(path, raw, roles.cast, casters, opacity, uv_set, "mesh.opacity")
     corner_uv = _flipped(mesh.corner_uv) if flip_v and has_uvs else mesh.corner_uv
     mesh = replace(mesh, corner_uv=corner_uv, casters=casters, notes=roles.notes)
     return unwrap_mesh(mesh, has_uvs=has_uvs, waiting=waiting) if unwrap == "xatlas" else mesh
