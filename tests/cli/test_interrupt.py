@@ -97,7 +97,7 @@ def sweep(folder, arguments, moments, seed):
         delay = rng.uniform(0, 0.25 if turn % 2 else 1.0) * seconds
         time.sleep(delay)
         needed = running.stop(alone=turn % 3 == 0)
-        if needed is None or running.process.returncode == 0:
+        if needed is None or running.process.returncode == whole.process.returncode:
             running.process.communicate()
             continue  # done before it was stopped
         stopped += 1
