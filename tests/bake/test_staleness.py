@@ -73,7 +73,7 @@ PLAIN = {
     "skin": {"model": "gaussians", "variance_mm2": [4.0, 60.0], "weight_rgb": [[0.5, 0.6, 0.7], [0.5, 0.4, 0.3]]},
     "lights": [KEY],
     "diffusion": {"method": "surface", "tolerance": 0.5, "probes": 20},
-    "terms": {"energy_conservation": "off", "incidence": "off", "interreflection": "off", "transmission": "off"},
+    "terms": {name: "off" for name in ("energy_conservation", "incidence", "beam", "interreflection", "transmission")},
     "output": {"dir": "out"},
 }
 LAYER = {"sigma_a_per_mm": [0.1, 0.2, 0.3], "sigma_sp_per_mm": [2.0, 2.5, 3.0], "thickness_mm": 0.3, "g": 0.1}
@@ -106,7 +106,7 @@ BASES = {
     "spot": plain(lights=[SPOT]),
     "constant sky": plain(lights=[{"name": "sky", "type": "environment", "radiance": [1, 2, 3], "samples": 16}]),
     "auto": plain(diffusion={"method": "auto", "tolerance": 0.1, "probes": 20}, terms=PLAIN["terms"] | {
-        "transmission": "on", "interreflection": "on", "incidence": "on"}, maps={"albedo": "albedo.exr"},
+        "transmission": "on", "interreflection": "on", "incidence": "on", "beam": "on"}, maps={"albedo": "albedo.exr"},
         skin={"model": "multipole", "normalise": "none", "layers": [LAYER, DEEP],
               "fit": {"gaussians": 2}}),
     "dipole": plain(skin={"model": "dipole", "sigma_a_per_mm": [0.1, 0.2, 0.3], "sigma_sp_per_mm": [2, 3, 4],
@@ -118,6 +118,8 @@ BASES = {
     "transport": plain(skin={"model": "transport", "layers": [DEEP], "photons": 1000,
                              "fit": {"gaussians": 2}}),
     "physiology": plain(skin={"model": "physiology", "melanin": 0.02, "fit": {"gaussians": 2}}),
+    "reduced": plain(texture={"size": 32, "gutter": 2}, maps={"albedo": "albedo.exr"}, diffusion=PLAIN["diffusion"] | {
+        "tolerance": 0.9}),
     "shown": plain(preview={"size": [24, 30]}, specular={"f0": 0.03}),
 }  # fmt: skip
 
@@ -172,6 +174,7 @@ CHANGES = {
         {"mesh.unit": "cm", "mesh.up": "z", "mesh.front": "-z", "mesh.flip_v": True, "texture.size": [14, 16],
          "texture.gutter": 1, "diffusion.method": "surface", "diffusion.tolerance": 0.3, "diffusion.separate": False,
          "diffusion.probes": 30, "texturing.mode": "post-scatter", "terms.incidence": "off",
+         "terms.beam": "off",
          "terms.interreflection": "off", "terms.transmission": "off", "terms.bounces": 2, "output.precision": "float",
          "output.compression": "piz", "output.lights": "total", "output.seed": 1, "output.tx": True,
          "skin.boundary": "exact", "skin.thin_layers": "ballistic", "skin.layers.0.thickness_mm": 0.1,
@@ -189,6 +192,7 @@ CHANGES = {
     "physiology": [{"skin.melanin": 0.1, "skin.eumelanin": 0.5, "skin.haemoglobin": 0.01,
                           "skin.oxygenation": 0.5, "skin.epidermis_mm": 0.1, "skin.eta": 1.3,
                           "skin.boundary": "exact"}],
+    "reduced": [{"texture.reduce": "off", "diffusion.tolerance": 0.1, "maps.albedo.invert": True, "mesh.unit": "cm"}],
     "shown": [{"preview.size": [30, 24], "preview.view": "front", "preview.exposure": 1.0,
                "preview.background_rgb": [0.5, 0.2, 0.1], "specular.f0": 0.05, "skin.variance_mm2": [4.0, 50.0],
                "skin.weight_rgb": [[0.4, 0.6, 0.7], [0.6, 0.4, 0.3]], "skin.normalise": "none"},
@@ -200,6 +204,7 @@ FILES = {
     "gltf": ["two.gltf", "two.bin", "base.png"],
     "tiles": ["tiles.obj", "tile.1001.exr", "tile.1002.exr"],
     "lights": ["sky.exr"],
+    "reduced": ["albedo.exr"],
     "table": ["table.csv"],
 }
 
@@ -306,6 +311,7 @@ def quick_writing(monkeypatch):
         return fits[key]
 
     monkeypatch.setattr("skinbake.baking.stages.profile.fit_skin", fit_once)
+    monkeypatch.setattr("skinbake.diffuse.planning.texture_size.SMALLEST", 16)
     monkeypatch.setattr("skinbake.io.profile_plot.write_fit_plot", lambda path, fit: write_text(path, repr(fit.curve)))
     monkeypatch.setattr("os.fsync", lambda file: None)
 
