@@ -97,6 +97,7 @@ BASES = {
         terms=PLAIN["terms"] | {"energy_conservation": "on"},
     ),
     "hat": plain(occluders=[{"path": "hat.obj", "unit": "mm", "opacity": "alpha.png"}]),
+    "cards": plain(mesh=PLAIN["mesh"] | {"cast": ["Eye"], "opacity": "alpha.png"}),
     "hat.gltf": plain(occluders=[{"path": "two.gltf", "unit": "mm", "opacity": "alpha.png"}]),
     "gltf": plain(mesh={"path": "two.gltf", "unit": "mm", "any_size": True, "uv_set": 0}, maps={"source": "file"}),
     "unwrapped": plain(texture=PLAIN["texture"] | {"unwrap": "xatlas"}),
@@ -151,6 +152,7 @@ CHANGES = {
     ],
     "hat": [{"occluders.0.unit": "cm", "occluders.0.up": "z", "occluders.0.front": "-z", "occluders.0.flip_v": True,
              "occluders.0.parts": ["Brim"]}, {"occluders.0.mm_per_unit": 1.5, "occluders.0.unit": None}],
+    "cards": [{"mesh.opacity": {}}],
     "hat.gltf": [{"occluders.0.uv_set": 1}],
     "gltf": [{"maps.source": None, "maps.vertex_colors": True}, {"mesh.uv_set": 1, "maps.source": None}],
     "unwrapped": [{"mesh.unit": "cm", "texture.unwrap": "none", "texture.gutter": 3, "output.seed": 2},
@@ -201,6 +203,7 @@ CHANGES = {
 FILES = {
     "head": ["head.obj", "albedo.exr", "normal.exr", "rough.exr"],
     "hat": ["hat.obj", "alpha.png"],
+    "cards": ["alpha.png"],
     "gltf": ["two.gltf", "two.bin", "base.png"],
     "tiles": ["tiles.obj", "tile.1001.exr", "tile.1002.exr"],
     "lights": ["sky.exr"],
