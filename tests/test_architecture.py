@@ -98,3 +98,50 @@ def test_numba_s_and_llvm_s_insides_are_known_in_one_folder():
                 found.append(file)
     assert found
     assert {file.parent for file in found} == {ROOT / "skinbake" / "kernels"}
+
+
+STILL_LONG = (
+    "diffuse/surface_space/clusters.py:_first_level",
+    "diffuse/surface_space/gather.py:_gather",
+    "diffuse/surface_space/gather.py:_begin_near_tile",
+    "diffuse/surface_space/gather.py:_take_near",
+    "diffuse/surface_space/gather.py:_gather_batch",
+    "diffuse/surface_space/points.py:_points",
+    "diffuse/surface_space/points.py:_extend",
+    "diffuse/surface_space/points.py:_continue_plane",
+    "diffuse/surface_space/reference_integral.py:_integrate",
+    "diffuse/surface_space/sources.py:_walk",
+    "diffuse/surface_space/sources.py:_write",
+    "diffuse/surface_space/sources.py:near_boxes",
+    "diffuse/surface_space/upsample.py:_least_sigma",
+    "diffuse/terms/interreflection.py:_aim",
+    "diffuse/terms/interreflection.py:_collect",
+    "diffuse/terms/skin_hits.py:_place",
+    "diffuse/terms/transmission.py:_read_table",
+    "diffuse/texture_space/blur.py:_weighted_windows",
+    "diffuse/texture_space/blur_error.py:_shares",
+    "diffuse/texture_space/blur_error.py:_shares_of_texels",
+    "diffuse/texture_space/blur_error.py:_unevenness",
+    "diffuse/texture_space/blur_error.py:_share",
+    "diffuse/texture_space/separable.py:_blur",
+    "diffuse/texture_space/separable.py:_decimate",
+    "diffuse/texture_space/stretch.py:_gather",
+    "diffuse/texture_space/uv_gaps.py:_distances",
+)  # to be given named tuples
+
+
+def test_kernels_take_seven_arguments_at_most():
+    """What belongs together is a named tuple: a call of fifteen arrays in a row cannot be read, nor put in order."""
+    kernels, long = 0, []
+    for file in FILES:
+        for node in ast.walk(ast.parse(file.read_text())):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            names = [ast.unparse(d.func if isinstance(d, ast.Call) else d) for d in node.decorator_list]
+            if "kernel" not in names:
+                continue
+            kernels += 1
+            if len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs) > 7:
+                long.append(f"{file.relative_to(ROOT / 'skinbake').as_posix()}:{node.name}")
+    assert kernels > 100
+    assert sorted(long) == sorted(STILL_LONG)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas.coverage import BAND_ROWS
-from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.coverage import BAND_ROWS, Bands
+from skinbake.atlas.raster import NO_FACE, ShownFaces
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
@@ -54,13 +54,7 @@ def chart_edges(mesh: SkinMesh, uv_area: Float) -> NDArray[np.int64]:
 
 
 def nearest_chart_points(
-    corner_xy: Float,
-    edges: NDArray[np.int64],
-    start: NDArray[np.int64],
-    items: NDArray[np.int64],
-    radius_texels: float,
-    face_index: NDArray[np.int32],
-    barycentric: NDArray[np.float32],
+    corner_xy: Float, edges: NDArray[np.int64], bands: Bands, radius_texels: float, shown: ShownFaces
 ) -> None:
     """Give each empty texel within `radius_texels` of a chart edge the closest point of it, in place.
 
@@ -70,16 +64,13 @@ def nearest_chart_points(
         Corners in texels, x to the right, y down.
     edges : ndarray of shape (E,)
         Border edges, 3 * face + k (`chart_edges`).
-    start, items : ndarrays
-        Edges by band of rows (`bin_by_band`).
+    bands : Bands
+        Edges by band of rows.
     radius_texels : float
-    face_index : ndarray of shape (H, W), int32
+    shown : ShownFaces
         Written where it was NO_FACE.
-    barycentric : ndarray of shape (H, W, 2), float32
-        Weights of corners 1 and 2, written at the same texels.
     """
-    bands = len(start) - 1
-    parallel_for(_claim_near_edges, bands, corner_xy, edges, start, items, radius_texels, face_index, barycentric)
+    parallel_for(_claim_near_edges, len(bands.start) - 1, corner_xy, edges, bands, radius_texels, shown)
 
 
 @kernel
@@ -88,13 +79,12 @@ def _claim_near_edges(
     stop: int,
     corner_xy: Float,
     edges: NDArray[np.int64],
-    start: NDArray[np.int64],
-    items: NDArray[np.int64],
+    bands: Bands,
     radius_texels: float,
-    face_index: NDArray[np.int32],
-    barycentric: NDArray[np.float32],
+    shown: ShownFaces,
 ) -> None:
     """`nearest_chart_points` of bands `first` to `stop`."""
+    start, items, face_index, barycentric = bands.start, bands.items, shown.face_index, shown.barycentric
     height, width = face_index.shape
     for band in range(first, stop):
         first_row, row_end = band * BAND_ROWS, min((band + 1) * BAND_ROWS, height)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,9 +16,31 @@ FULL = 1e-6  # round-off below which a texel counts as wholly covered
 BAND_ROWS = 32  # rows that one task owns: no two tasks write the same texel, whatever the number of threads
 
 
-@kernel
-def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+class Bands(NamedTuple):
     """Items by band of `BAND_ROWS` rows: compressed lists, band by band and in ascending order.
+
+    Attributes
+    ----------
+    start : ndarray of shape (bands + 1,), int64
+    items : ndarray, int64
+        Those of band b are items[start[b]:start[b + 1]].
+    """
+
+    start: NDArray[np.int64]
+    items: NDArray[np.int64]
+
+
+class RasterArrays(NamedTuple):
+    """What is written of one tile; as in AtlasRaster."""
+
+    face_index: NDArray[np.int32]
+    barycentric: NDArray[np.float32]
+    coverage: NDArray[np.float32]
+    area_mm2: NDArray[np.float32]
+
+
+def bin_by_band(low_y: Float, high_y: Float, height: int) -> Bands:
+    """Items by the bands of rows that they touch.
 
     Parameters
     ----------
@@ -24,12 +48,18 @@ def bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.in
         Rows between which an item lies; NaN leaves it out.
     height : int
         Rows of the texture.
+    """
+    return Bands(*_bin_by_band(low_y, high_y, height))
 
-    Returns
-    -------
-    start : ndarray of shape (bands + 1,)
-    items : ndarray
-        Those of band b are items[start[b]:start[b + 1]].
+
+@kernel
+def _bin_by_band(low_y: Float, high_y: Float, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """`bin_by_band` as a plain tuple.
+
+    Parameters
+    ----------
+    low_y, high_y : ndarray of shape (n,)
+    height : int
     """
     bands = (height + BAND_ROWS - 1) // BAND_ROWS
     start = np.zeros(bands + 1, dtype=np.int64)
@@ -118,16 +148,7 @@ def _twice_area(poly: Float, n: int) -> float:
     return total
 
 
-def rasterize_coverage(
-    corner_xy: Float,
-    mm2_per_texel: Float,
-    start: NDArray[np.int64],
-    items: NDArray[np.int64],
-    face_index: NDArray[np.int32],
-    barycentric: NDArray[np.float32],
-    coverage: NDArray[np.float32],
-    area_mm2: NDArray[np.float32],
-) -> None:
+def rasterize_coverage(corner_xy: Float, mm2_per_texel: Float, bands: Bands, out: RasterArrays) -> None:
     """Fill the arrays of one tile from its triangles, exactly: each triangle is clipped to each texel's square.
 
     Parameters
@@ -136,31 +157,20 @@ def rasterize_coverage(
         Corners in texels, x to the right, y down.
     mm2_per_texel : ndarray of shape (F,)
         Skin area of one square texel of that face.
-    start, items : ndarrays
-        Faces by band of rows (`bin_by_band`).
-    face_index, barycentric, coverage, area_mm2 : ndarrays
-        Written; as in AtlasRaster.
+    bands : Bands
+        Faces by band of rows.
+    out : RasterArrays
+        Written; `face_index` is NO_FACE everywhere before.
     """
-    bands = len(start) - 1
-    parallel_for(
-        _rasterize_bands, bands, corner_xy, mm2_per_texel, start, items, face_index, barycentric, coverage, area_mm2
-    )
+    parallel_for(_rasterize_bands, len(bands.start) - 1, corner_xy, mm2_per_texel, bands, out)
 
 
 @kernel
 def _rasterize_bands(
-    first: int,
-    stop: int,
-    corner_xy: Float,
-    mm2_per_texel: Float,
-    start: NDArray[np.int64],
-    items: NDArray[np.int64],
-    face_index: NDArray[np.int32],
-    barycentric: NDArray[np.float32],
-    coverage: NDArray[np.float32],
-    area_mm2: NDArray[np.float32],
+    first: int, stop: int, corner_xy: Float, mm2_per_texel: Float, bands: Bands, out: RasterArrays
 ) -> None:
     """`rasterize_coverage` of bands `first` to `stop`."""
+    start, items, face_index, barycentric = bands.start, bands.items, out.face_index, out.barycentric
     height, width = face_index.shape
     x, y = np.int64(0), np.int64(1)  # not literals: numba would compile `_clip` for each
     for band in range(first, stop):
@@ -217,5 +227,5 @@ def _rasterize_bands(
         for row in range(first_row, row_end):
             for col in range(width):
                 share = shares[row - first_row, col]
-                coverage[row, col] = 1.0 if share > 1.0 - FULL else share
-                area_mm2[row, col] = areas[row - first_row, col]
+                out.coverage[row, col] = 1.0 if share > 1.0 - FULL else share
+                out.area_mm2[row, col] = areas[row - first_row, col]

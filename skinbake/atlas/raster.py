@@ -3,11 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 NO_FACE = -1
+
+
+class ShownFaces(NamedTuple):
+    """Which point of the skin each texel shows, or each of n places, as the kernels take it.
+
+    Attributes
+    ----------
+    face_index : ndarray of shape (H, W) or (n,), int32
+        NO_FACE where nothing is shown.
+    barycentric : ndarray of shape (H, W, 2) or (n, 2), float32
+        Weights of corners 1 and 2.
+    """
+
+    face_index: NDArray[np.int32]
+    barycentric: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -41,6 +57,11 @@ class AtlasRaster:
     def shape(self) -> tuple[int, int]:
         """(H, W)."""
         return self.face_index.shape
+
+    @property
+    def shown(self) -> ShownFaces:
+        """The address alone."""
+        return ShownFaces(self.face_index, self.barycentric)
 
     @property
     def covered(self) -> NDArray[np.bool_]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from skinbake.atlas.border import chart_edges, nearest_chart_points
-from skinbake.atlas.coverage import bin_by_band, rasterize_coverage
-from skinbake.atlas.raster import NO_FACE, Atlas, AtlasRaster
+from skinbake.atlas.coverage import RasterArrays, bin_by_band, rasterize_coverage
+from skinbake.atlas.raster import NO_FACE, Atlas, AtlasRaster, ShownFaces
 from skinbake.atlas.texel_coordinates import corner_texels, tiles_of
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
@@ -76,15 +76,15 @@ def _rasterize_tile(
     )
     outside = (right < 0) | (left > width) | (uv_area == 0)
     low, high = np.where(outside, np.nan, low), np.where(outside, np.nan, high)
-    start, items = bin_by_band(low, high, height)
+    bands = bin_by_band(low, high, height)
     mm2_per_texel = safe_div(mesh.face_area_mm2, np.abs(uv_area) * width * height)
-    rasterize_coverage(corner_xy, mm2_per_texel, start, items, face_index, barycentric, coverage, area_mm2)
+    rasterize_coverage(corner_xy, mm2_per_texel, bands, RasterArrays(face_index, barycentric, coverage, area_mm2))
 
     # A texel that a chart touches beside its centre lies within half a diagonal of the chart
     radius = max(float(gutter), 1.0)
     ends = y[edges // 3, edges % 3], y[edges // 3, (edges + 1) % 3]
-    start, items = bin_by_band(np.minimum(*ends) - radius - 1, np.maximum(*ends) + radius + 1, height)
-    nearest_chart_points(corner_xy, edges, start, items, radius, face_index, barycentric)
+    bands = bin_by_band(np.minimum(*ends) - radius - 1, np.maximum(*ends) + radius + 1, height)
+    nearest_chart_points(corner_xy, edges, bands, radius, ShownFaces(face_index, barycentric))
     if gutter == 0:
         untouched = coverage == 0
         face_index[untouched] = NO_FACE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,7 +141,8 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
         local = local_uv(mesh.corner_uv, raster.tile)
         outside &= (local < -1e-6).any(axis=(1, 2)) | (local > 1 + 1e-6).any(axis=(1, 2))
         corner_xy = corner_texels(mesh, raster.tile, raster.shape)
-        parallel_for(_mark_overlaps, len(corner_xy), corner_xy, drawn, raster.face_index, overlapping, hidden, shown)
+        found = _Overlaps(overlapping, hidden, shown)
+        parallel_for(_mark_overlaps, len(corner_xy), corner_xy, drawn, raster.face_index, found)
 
     kind = np.full(len(area), GOOD, np.uint8)
     kind[flipped] = FLIPPED
@@ -268,6 +270,24 @@ def refuse_spoilt(report: UvReport, path: str) -> None:
         raise InputError("\n".join(f"{path}: {fault}" for fault in report.faults))
 
 
+class _Overlaps(NamedTuple):
+    """What is found of faces that show where others lie.
+
+    Attributes
+    ----------
+    marked : ndarray of shape (F,), bool
+        Faces that hide another one or are hidden.
+    hidden : ndarray of shape (F,), int64
+        Texels in which another face shows.
+    shown : ndarray of shape (F,), int32
+        A face that shows where this one is hidden.
+    """
+
+    marked: NDArray[np.bool_]
+    hidden: NDArray[np.int64]
+    shown: NDArray[np.int32]
+
+
 @kernel
 def _mark_overlaps(
     first: int,
@@ -275,9 +295,7 @@ def _mark_overlaps(
     corner_xy: Float,
     drawn: NDArray[np.bool_],
     face_index: NDArray[np.int32],
-    marked: NDArray[np.bool_],
-    hidden: NDArray[np.int64],
-    shown: NDArray[np.int32],
+    found: _Overlaps,
 ) -> None:
     """Find faces that hold a texel's centre which another face shows; mark both, and count such texels by face.
 
@@ -291,12 +309,11 @@ def _mark_overlaps(
         Faces with UV area.
     face_index : ndarray of shape (H, W)
         Face that each texel shows.
-    marked, hidden : ndarrays of shape (F,), bool and int64
+    found : _Overlaps
         Written.
-    shown : ndarray of shape (F,)
-        Written: a face that shows where this one is hidden.
     """
     height, width = face_index.shape
+    marked, hidden, shown = found.marked, found.hidden, found.shown
     for f in range(first, stop):
         if not drawn[f]:
             continue

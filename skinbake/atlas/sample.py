@@ -127,9 +127,9 @@ def _read_map(
             if f == NO_FACE:
                 continue
             b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
-            y0, y1, fy, x0, x1, fx = place_in_map(corner_uv, f, b1, b2, image.shape[0], image.shape[1])
+            around = place_in_map(corner_uv, f, b1, b2, image.shape[0], image.shape[1])
             for k in range(image.shape[2]):
-                out[row, col, k] = bilinear(image, k, y0, y1, fy, x0, x1, fx)
+                out[row, col, k] = bilinear(image, k, around)
 
 
 @kernel(inline=True)
@@ -184,16 +184,17 @@ def texels_around(u: float, v: float, height: int, width: int) -> tuple[int, int
 
 
 @kernel(inline=True)
-def bilinear(image: Image, k: int, y0: int, y1: int, fy: float, x0: int, x1: int, fx: float) -> float:
+def bilinear(image: Image, k: int, around: tuple[int, int, float, int, int, float]) -> float:
     """Channel k of a map, read bilinearly.
 
     Parameters
     ----------
     image : ndarray of shape (h, w, channels)
     k : int
-    y0, y1, fy, x0, x1, fx
-        As `place_in_map` returns them.
+    around
+        y0, y1, fy, x0, x1, fx as `place_in_map` returns them.
     """
+    y0, y1, fy, x0, x1, fx = around
     top = image[y0, x0, k] * (1.0 - fx) + image[y0, x1, k] * fx
     bottom = image[y1, x0, k] * (1.0 - fx) + image[y1, x1, k] * fx
     return top * (1.0 - fy) + bottom * fy

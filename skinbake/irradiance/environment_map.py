@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +124,8 @@ def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Floa
         for whole, blocks in zip((height, width), SKY, strict=True)
     )
     flux = np.zeros((SKY[0] * SKY[1], 4, 3))
-    parallel_for(_add_fluxes, SKY[0], radiance, across, up, cols, rows, columns, flux)
+    integrals = _DirectionIntegrals(across, up, cols)
+    parallel_for(_add_fluxes, SKY[0], radiance, integrals, rows, columns, flux)
     out = np.zeros((len(normal), 3))
     parallel_for(_convolve, len(normal), np.ascontiguousarray(normal, np.float64), flux, out)
     return out
@@ -141,14 +143,28 @@ def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
     return out.astype(np.float32).reshape(NORMALS + 1, NORMALS + 1, 3)
 
 
+class _DirectionIntegrals(NamedTuple):
+    """Integrals of the direction over each texel of a map (h, w).
+
+    Attributes
+    ----------
+    across, up : ndarrays of shape (h,)
+        Over each row, of sin^2 and of cos sin of the polar angle.
+    cols : ndarray of shape (3, w)
+        Over each column, of sin, cos and 1 of the azimuth.
+    """
+
+    across: Float
+    up: Float
+    cols: Float
+
+
 @kernel
 def _add_fluxes(
     first: int,
     stop: int,
     radiance: Image,
-    across: Float,
-    up: Float,
-    cols: Float,
+    integrals: _DirectionIntegrals,
     row_edges: NDArray[np.int64],
     col_edges: NDArray[np.int64],
     flux: Float,
@@ -160,15 +176,13 @@ def _add_fluxes(
     first, stop : int
         Rows of blocks.
     radiance : ndarray of shape (h, w, 3)
-    across, up : ndarrays of shape (h,)
-        Integrals over each row of sin^2 and of cos sin of the polar angle.
-    cols : ndarray of shape (3, w)
-        Integrals over each column of sin, cos and 1 of the azimuth.
+    integrals : _DirectionIntegrals
     row_edges, col_edges : ndarrays of shape (rows + 1,) and (columns + 1,)
         Texels between which the blocks lie.
     flux : ndarray of shape (rows * columns, 4, 3)
         Added to: zeros.
     """
+    across, up, cols = integrals.across, integrals.up, integrals.cols
     columns = len(col_edges) - 1
     for i in range(first, stop):
         for j in range(columns):
@@ -248,4 +262,4 @@ def look_up(first: int, stop: int, table: Image, normal: Image, addressed: NDArr
             i, j = min(max(int(y), 0), size - 1), min(max(int(x), 0), size - 1)
             fy, fx = y - i, x - j
             for k in range(3):
-                out[row, col, k] = bilinear(table, k, i, i + 1, fy, j, j + 1, fx)
+                out[row, col, k] = bilinear(table, k, (i, i + 1, fy, j, j + 1, fx))

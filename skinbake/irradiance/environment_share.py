@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.oil_albedo import albedo_at
+from skinbake.irradiance.oil_albedo import OilLayer, albedo_at
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import for_slices
 from skinbake.numerics import Float, safe_div
@@ -75,7 +75,7 @@ def open_sums(
         clear: NDArray[Any] = np.ones(count, np.bool_)
         if occluder is not None:
             clear = occluder.unhindered(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
-        _sum(clear, normal[part], directions, weights, roughness[part], strength[part], table, f0, out[part])
+        _sum(clear, normal[part], directions, weights, OilLayer(roughness[part], strength[part], table, f0), out[part])
 
     for_slices(add_up, len(origin), max(1, RAYS // directions.shape[1]))
     return out
@@ -115,10 +115,7 @@ def _sum(
     normal: Image,
     directions: Image,
     weights: Image,
-    roughness: Image,
-    strength: Image,
-    table: Float,
-    f0: float,
+    oil: OilLayer,
     out: Float,
 ) -> None:
     """Sums of `open_sums` for some points, from the answers to `_aim`'s rays.
@@ -129,9 +126,8 @@ def _sum(
         Share of each ray that leaves the skin unhindered.
     normal : ndarray of shape (n, 3)
     directions, weights : ndarrays of shape (3, s)
-    roughness, strength : ndarrays of shape (n,)
-    table, f0 : ndarray and float
-        Albedo of the oil layer, size 0 for none, and its reflectance at normal incidence.
+    oil : OilLayer
+        At the points.
     out : ndarray of shape (n, 2, 4)
         Written.
     """
@@ -146,11 +142,11 @@ def _sum(
             r, g, b = r + of_r, g + of_g, b + of_b
             share = np.float64(clear[ray])
             if share > 0.0:
-                oil = share
-                if table.size > 0:
-                    albedo = albedo_at(table, np.float64(cosine), np.float64(roughness[i]), f0)
-                    oil *= min(max(1.0 - strength[i] * albedo, 0.0), 1.0)
-                passed_r, passed_g, passed_b = passed_r + of_r * oil, passed_g + of_g * oil, passed_b + of_b * oil
+                lets = share
+                if oil.table.size > 0:
+                    albedo = albedo_at(oil.table, np.float64(cosine), np.float64(oil.roughness[i]), oil.f0)
+                    lets *= min(max(1.0 - oil.strength[i] * albedo, 0.0), 1.0)
+                passed_r, passed_g, passed_b = passed_r + of_r * lets, passed_g + of_g * lets, passed_b + of_b * lets
                 passed += share * (of_r + of_g + of_b)
             ray += 1
         out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 0, 3] = r, g, b, r + g + b

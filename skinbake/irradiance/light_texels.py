@@ -12,8 +12,8 @@ from skinbake.irradiance.environment import light_environment
 from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.oil_albedo import specular_albedo_table
-from skinbake.irradiance.punctual_light import colour, emitter, unshadowed
+from skinbake.irradiance.oil_albedo import OilLayer, specular_albedo_table
+from skinbake.irradiance.punctual_light import Unshadowed, colour, emitter, unshadowed
 from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.surface import TexelSurface, texel_surface
@@ -124,21 +124,9 @@ def _light_one(
     """Irradiance and unshadowed share of a directional, point or spot light, written to `out` (H, W, 4)."""
     source = emitter(light, occluder.centre_mm)
     arriving, facing = np.empty(out.shape[:2], np.float32), np.empty(out.shape[:2], np.bool_)
+    oil = OilLayer(surface.roughness, surface.strength, table, f0)
     parallel_for(
-        unshadowed,
-        len(arriving),
-        source,
-        surface.raster.face_index,
-        surface.raster.barycentric,
-        surface.subdivided,
-        surface.normal,
-        surface.smooth_normal,
-        surface.roughness,
-        surface.strength,
-        table,
-        f0,
-        arriving,
-        facing,
+        unshadowed, len(arriving), source, surface.texels, surface.subdivided, oil, Unshadowed(arriving, facing)
     )
     seen = visibility(surface, occluder, source, facing) if casts else facing.astype(np.float32)
     parallel_for(_colour, len(out), arriving, seen, colour(light), out)

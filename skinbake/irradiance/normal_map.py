@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, sample_map, signed_uv_area, uv_jacobian
-from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.raster import NO_FACE, ShownFaces
 from skinbake.atlas.sample import bilinear, fitted_map, place_in_map
 from skinbake.irradiance.shadow_origin import facet_point
 from skinbake.kernels.compile import kernel
@@ -38,19 +40,9 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
     image, corner_uv = fitted_map(raster, mesh, maps.normal[raster.tile])
     handedness = np.where(signed_uv_area(mesh) < 0, -1.0, 1.0)
     mapped = np.zeros_like(smooth)
-    parallel_for(
-        _tilt,
-        len(mapped),
-        raster.face_index,
-        raster.barycentric,
-        smooth,
-        corner_tangents(mesh),
-        handedness,
-        corner_uv,
-        image,
-        float(maps.normal_strength),
-        mapped,
-    )
+    frame = _TangentFrame(corner_tangents(mesh), handedness)
+    tilt = _NormalMap(corner_uv, image, float(maps.normal_strength))
+    parallel_for(_tilt, len(mapped), raster.shown, smooth, frame, tilt, mapped)
     return smooth, mapped
 
 
@@ -105,19 +97,42 @@ def _interpolate_unit(
             out[row, col, 0], out[row, col, 1], out[row, col, 2] = x * scale, y * scale, z * scale
 
 
+class _TangentFrame(NamedTuple):
+    """Frame of a normal map on the mesh.
+
+    Attributes
+    ----------
+    corner_tangent : ndarray of shape (F, 3, 3)
+        Of `corner_tangents`.
+    handedness : ndarray of shape (F,)
+        -1 where the chart is mirrored, else 1.
+    """
+
+    corner_tangent: Float
+    handedness: Float
+
+
+class _NormalMap(NamedTuple):
+    """A tangent-space normal map.
+
+    Attributes
+    ----------
+    corner_uv : ndarray of shape (F, 3, 2)
+        Within the tile, 0 ... 1.
+    image : ndarray of shape (h, w, 3)
+        x, y, z in -1 ... 1.
+    strength : float
+        Scales x and y.
+    """
+
+    corner_uv: Float
+    image: Image
+    strength: float
+
+
 @kernel
 def _tilt(
-    first: int,
-    stop: int,
-    face_index: NDArray[np.int32],
-    barycentric: Image,
-    smooth: Image,
-    corner_tangent: Float,
-    handedness: Float,
-    corner_uv: Float,
-    image: Image,
-    strength: float,
-    out: Image,
+    first: int, stop: int, shown: ShownFaces, smooth: Image, frame: _TangentFrame, tilt: _NormalMap, out: Image
 ) -> None:
     """Smooth normals tilted by a tangent-space normal map.
 
@@ -125,21 +140,15 @@ def _tilt(
     ----------
     first, stop : int
         Rows.
-    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    shown : ShownFaces
     smooth : ndarray of shape (H, W, 3)
         Unit normals.
-    corner_tangent : ndarray of shape (F, 3, 3)
-    handedness : ndarray of shape (F,)
-        -1 where the chart is mirrored, else 1.
-    corner_uv : ndarray of shape (F, 3, 2)
-        Within the tile, 0 ... 1.
-    image : ndarray of shape (h, w, 3)
-        x, y, z in -1 ... 1.
-    strength : float
-        Scales x and y.
+    frame : _TangentFrame
+    tilt : _NormalMap
     out : ndarray of shape (H, W, 3)
         Written where the atlas is not empty.
     """
+    face_index, barycentric, image, strength = shown.face_index, shown.barycentric, tilt.image, tilt.strength
     for row in range(first, stop):
         for col in range(face_index.shape[1]):
             f = face_index[row, col]
@@ -151,20 +160,20 @@ def _tilt(
                 np.float64(smooth[row, col, 2]),
             )
             b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
-            tx, ty, tz = facet_point(corner_tangent, f, b1, b2)
+            tx, ty, tz = facet_point(frame.corner_tangent, f, b1, b2)
             along = tx * nx + ty * ny + tz * nz
             tx, ty, tz = tx - along * nx, ty - along * ny, tz - along * nz
             length = np.sqrt(tx * tx + ty * ty + tz * tz)
-            y0, y1, fy, x0, x1, fx = place_in_map(corner_uv, f, b1, b2, image.shape[0], image.shape[1])
-            z = bilinear(image, 2, y0, y1, fy, x0, x1, fx)
+            around = place_in_map(tilt.corner_uv, f, b1, b2, image.shape[0], image.shape[1])
+            z = bilinear(image, 2, around)
             if length < 1e-12 or z <= 0.0:  # no frame, or an unpainted texel
                 out[row, col, 0], out[row, col, 1], out[row, col, 2] = nx, ny, nz
                 continue
-            x = strength * bilinear(image, 0, y0, y1, fy, x0, x1, fx)
-            y = strength * bilinear(image, 1, y0, y1, fy, x0, x1, fx)
+            x = strength * bilinear(image, 0, around)
+            y = strength * bilinear(image, 1, around)
             tx, ty, tz = tx / length, ty / length, tz / length
             # Growing v: n x t, turned round where the chart is mirrored
-            side = handedness[f]
+            side = frame.handedness[f]
             bx, by, bz = side * (ny * tz - nz * ty), side * (nz * tx - nx * tz), side * (nx * ty - ny * tx)
             mx, my, mz = x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz
             length = np.sqrt(mx * mx + my * my + mz * mz)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RectBivariateSpline
 
 from skinbake.irradiance.oil_layer import ENERGY_TRUE_STRENGTH, ROUGHNESS_MIN
@@ -16,6 +17,25 @@ TABLE_SIZE = (512, 128)  # cosines by roughnesses
 TABLE_ERROR = 5e-4  # largest |table / integral - 1| for m >= 0.05; 2e-3 from 0.01, 0.1 below (only where c is about m)
 TABLE_NODES = 16  # off by 7e-5 at most, a seventh of what the table may be
 _TAIL = 6.5  # exp(-6.5^2) = 4e-19
+
+
+class OilLayer(NamedTuple):
+    """The oil layer as the kernels take it.
+
+    Attributes
+    ----------
+    roughness, strength : ndarrays of shape (H, W), (1, 1) or (n,), float32
+        Beckmann m, and rho_s.
+    table : ndarray of shape (C, M, 2)
+        `specular_albedo_table`; of size 0 where the oil takes nothing off.
+    f0 : float
+        Reflectance at normal incidence.
+    """
+
+    roughness: NDArray[np.float32]
+    strength: NDArray[np.float32]
+    table: Float
+    f0: float
 
 
 def integrate_specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, nodes: int = 32) -> Float:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
 from skinbake.irradiance.bump_terminator import bump_terminator
-from skinbake.irradiance.oil_albedo import albedo_at
-from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
+from skinbake.irradiance.oil_albedo import OilLayer, albedo_at
+from skinbake.irradiance.shadow_origin import SubdividedMesh, SurfaceTexels, point_of
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, normalized
 from skinbake.scene.lights import DirectionalLight, LightSpec, PointLight, SpotLight
@@ -70,22 +70,30 @@ def towards(source: Float, px: float, py: float, pz: float) -> tuple[float, floa
     return dx, dy, dz, distance, t * t * (3.0 - 2.0 * t) / (distance * distance)
 
 
+class Unshadowed(NamedTuple):
+    """What a light sends to the texels where nothing is in the way.
+
+    Attributes
+    ----------
+    arriving : ndarray of shape (H, W), float32
+        Irradiance of a unit light.
+    facing : ndarray of shape (H, W), bool
+        Texels that face the light.
+    """
+
+    arriving: Image
+    facing: NDArray[np.bool_]
+
+
 @kernel
 def unshadowed(
     first: int,
     stop: int,
     source: Float,
-    face_index: NDArray[np.int32],
-    barycentric: Image,
+    texels: SurfaceTexels,
     subdivided: SubdividedMesh,
-    normal: Image,
-    smooth: Image,
-    roughness: Image,
-    strength: Image,
-    table: Float,
-    f0: float,
-    arriving: Image,
-    facing: NDArray[np.bool_],
+    oil: OilLayer,
+    out: Unshadowed,
 ) -> None:
     """Irradiance of a unit light without shadows, and the texels that face it; theory.md 10.1.
 
@@ -95,19 +103,14 @@ def unshadowed(
         Rows.
     source : ndarray of shape (10,)
         As `emitter` makes it.
-    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    texels : SurfaceTexels
     subdivided : SubdividedMesh
-    normal, smooth : ndarrays of shape (H, W, 3)
-        Unit normals with and without the normal map.
-    roughness, strength : ndarrays of shape (H, W) or (1, 1)
-        Beckmann m, and rho_s.
-    table : ndarray
-        Albedo of the oil layer; of size 0 where the oil takes nothing off.
-    f0 : float
-        Reflectance of the oil at normal incidence.
-    arriving, facing : ndarrays of shape (H, W)
+    oil : OilLayer
+    out : Unshadowed
         Written.
     """
+    face_index, barycentric, normal, smooth = texels.face_index, texels.barycentric, texels.normal, texels.smooth
+    roughness, strength, table, arriving, facing = oil.roughness, oil.strength, oil.table, out.arriving, out.facing
     width = face_index.shape[1]
     rows, cols = roughness.shape[0] > 1, strength.shape[0] > 1
     for row in range(first, stop):
@@ -136,7 +139,7 @@ def unshadowed(
                 # What the oil layer lets through, theory.md 7.1
                 m = roughness[row, col] if rows else roughness[0, 0]
                 rho = strength[row, col] if cols else strength[0, 0]
-                value *= min(max(1.0 - rho * albedo_at(table, cos_mapped, np.float64(m), f0), 0.0), 1.0)
+                value *= min(max(1.0 - rho * albedo_at(table, cos_mapped, np.float64(m), oil.f0), 0.0), 1.0)
             arriving[row, col] = value
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from skinbake.atlas.raster import NO_FACE
 from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.oil_albedo import albedo_at
+from skinbake.irradiance.oil_albedo import OilLayer, albedo_at
+from skinbake.irradiance.punctual_light import Unshadowed
 from skinbake.irradiance.refine import refine
-from skinbake.irradiance.shadow_origin import SubdividedMesh, point_of
+from skinbake.irradiance.shadow_origin import SubdividedMesh, SurfaceTexels, point_of
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
@@ -59,11 +60,8 @@ def light_rectangle(
     out_normal = np.cross(light.edge_u_mm, light.edge_v_mm)
     raster = surface.raster
     arriving, facing = np.zeros(raster.shape, np.float32), np.zeros(raster.shape, np.bool_)
-    parallel_for(
-        _contour, len(arriving),
-        shape, out_normal, raster.face_index, raster.barycentric, surface.subdivided, surface.normal,
-        surface.smooth_normal, arriving, facing,
-    )  # fmt: skip
+    out = Unshadowed(arriving, facing)
+    parallel_for(_contour, len(arriving), shape, out_normal, surface.texels, surface.subdivided, out)
 
     out_normal = out_normal / np.sqrt((out_normal * out_normal).sum())
     grid = max(1, math.ceil(math.sqrt(light.samples or DEFAULT_SAMPLES)))
@@ -81,26 +79,10 @@ def light_rectangle(
             count = len(part), grid * grid
             ray, reach = np.zeros((*count, 3), np.float32), np.zeros(count, np.float32)
             sent, passed = np.zeros(count), np.zeros(count)
-            parallel_for(
-                _sample,
-                len(part),
-                shape,
-                out_normal,
-                key,
-                grid,
-                part,
-                origin,
-                normal[part],
-                smooth[part],
-                roughness[part],
-                strength[part],
-                table,
-                f0,
-                ray,
-                reach,
-                sent,
-                passed,
-            )
+            panel = _Panel(shape, out_normal, key, grid)
+            points = _Points(part, origin, normal[part], smooth[part])
+            oil = OilLayer(roughness[part], strength[part], table, f0)
+            parallel_for(_sample, len(part), panel, points, oil, _Rays(ray, reach, sent, passed))
             clear: NDArray[Any] = np.ones(reach.size, np.bool_)
             if casts:
                 starts = np.repeat(origin, grid**2, axis=0)
@@ -150,7 +132,11 @@ def _above_horizon(poly: Float, count: int, nx: float, ny: float, nz: float, out
 
 @kernel(inner=True)
 def rectangle_irradiance(
-    shape: Float, px: float, py: float, pz: float, nx: float, ny: float, nz: float, poly: Float, clipped: Float
+    shape: Float,
+    at: tuple[float, float, float],
+    normal: tuple[float, float, float],
+    poly: Float,
+    clipped: Float,
 ) -> float:
     """Irradiance of unit radiance from a parallelogram, cut off at the horizon; theory.md 10.2.
 
@@ -158,13 +144,13 @@ def rectangle_irradiance(
     ----------
     shape : ndarray of shape (3, 3)
         Centre and both edges, mm.
-    px, py, pz : float
-        Point that is lit, mm.
-    nx, ny, nz : float
-        Its unit normal.
+    at, normal : tuples of three floats
+        Point that is lit, mm, and its unit normal.
     poly, clipped : ndarrays of shape (8, 3)
         Work space.
     """
+    px, py, pz = at
+    nx, ny, nz = normal
     for k in range(4):
         su = -0.5 if k in (0, 3) else 0.5
         sv = -0.5 if k in (0, 1) else 0.5
@@ -192,13 +178,9 @@ def _contour(
     stop: int,
     shape: Float,
     out_normal: Float,
-    face_index: NDArray[np.int32],
-    barycentric: Image,
+    texels: SurfaceTexels,
     subdivided: SubdividedMesh,
-    normal: Image,
-    smooth: Image,
-    arriving: Image,
-    facing: NDArray[np.bool_],
+    out: Unshadowed,
 ) -> None:
     """Unshadowed irradiance at the texels, and which of them face the light.
 
@@ -210,13 +192,13 @@ def _contour(
         Centre and both edges, mm.
     out_normal : ndarray of shape (3,)
         On the side that shines, of any length.
-    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    texels : SurfaceTexels
     subdivided : SubdividedMesh
-    normal, smooth : ndarrays of shape (H, W, 3)
-        Unit normals with and without the normal map.
-    arriving, facing : ndarrays of shape (H, W)
+    out : Unshadowed
         Written where the atlas is not empty and the light shines.
     """
+    face_index, barycentric, normal, smooth = texels.face_index, texels.barycentric, texels.normal, texels.smooth
+    arriving, facing = out.arriving, out.facing
     width = face_index.shape[1]
     for row in range(first, stop):
         poly, clipped = np.empty((8, 3)), np.empty((8, 3))
@@ -239,14 +221,14 @@ def _contour(
                 np.float64(smooth[row, col, 1]),
                 np.float64(smooth[row, col, 2]),
             )
-            facing[row, col] = rectangle_irradiance(shape, px, py, pz, sx, sy, sz, poly, clipped) > 0.0
+            facing[row, col] = rectangle_irradiance(shape, (px, py, pz), (sx, sy, sz), poly, clipped) > 0.0
             if facing[row, col]:
                 nx, ny, nz = (
                     np.float64(normal[row, col, 0]),
                     np.float64(normal[row, col, 1]),
                     np.float64(normal[row, col, 2]),
                 )
-                arriving[row, col] = rectangle_irradiance(shape, px, py, pz, nx, ny, nz, poly, clipped)
+                arriving[row, col] = rectangle_irradiance(shape, (px, py, pz), (nx, ny, nz), poly, clipped)
 
 
 @kernel(inner=True)
@@ -259,33 +241,11 @@ def _hash(x: np.uint64) -> np.uint64:
     return x ^ (x >> np.uint64(31))
 
 
-@kernel
-def _sample(
-    first: int,
-    stop: int,
-    shape: Float,
-    out_normal: Float,
-    key: np.uint64,
-    grid: int,
-    texels: NDArray[np.int64],
-    origin: Image,
-    normal: Image,
-    smooth: Image,
-    roughness: Image,
-    strength: Image,
-    table: Float,
-    f0: float,
-    ray: Image,
-    reach: Image,
-    sent: Float,
-    passed: Float,
-) -> None:
-    """Rays to a jittered grid on the light, and the irradiance that each stands for.
+class _Panel(NamedTuple):
+    """A rectangle light and the rays to it.
 
-    Parameters
+    Attributes
     ----------
-    first, stop : int
-        Of the texels.
     shape : ndarray of shape (3, 3)
         Centre and both edges, mm.
     out_normal : ndarray of shape (3,)
@@ -294,19 +254,68 @@ def _sample(
         Seed.
     grid : int
         Rays along each edge.
-    texels : ndarray of shape (n,)
+    """
+
+    shape: Float
+    out_normal: Float
+    key: np.uint64
+    grid: int
+
+
+class _Points(NamedTuple):
+    """Points of the skin from which rays start.
+
+    Attributes
+    ----------
+    texels : ndarray of shape (n,), int64
         row * W + col.
     origin, normal, smooth : ndarrays of shape (n, 3)
         Where rays start, mm, and the unit normals with and without the normal map.
-    roughness, strength : ndarrays of shape (n,)
-    table, f0 : ndarray and float
-        Albedo of the oil layer, size 0 for none, and its reflectance at normal incidence.
-    ray, reach : ndarrays of shape (n, grid^2, 3) and (n, grid^2), float32
-        Written: unit directions, and distances in mm.
-    sent, passed : ndarrays of shape (n, grid^2)
-        Written: cos cos / distance^2 of each ray, its irradiance but for the area that it stands for; and the part that
-        passes the oil. Left as they are, 0, where nothing arrives.
     """
+
+    texels: NDArray[np.int64]
+    origin: Image
+    normal: Image
+    smooth: Image
+
+
+class _Rays(NamedTuple):
+    """Rays from n points, and the irradiance that each stands for.
+
+    Attributes
+    ----------
+    ray, reach : ndarrays of shape (n, grid^2, 3) and (n, grid^2), float32
+        Unit directions, and distances in mm.
+    sent, passed : ndarrays of shape (n, grid^2)
+        cos cos / distance^2 of each ray, its irradiance but for the area that it stands for; and the part that passes
+        the oil. 0 where nothing arrives.
+    """
+
+    ray: Image
+    reach: Image
+    sent: Float
+    passed: Float
+
+
+@kernel
+def _sample(first: int, stop: int, panel: _Panel, points: _Points, oil: OilLayer, out: _Rays) -> None:
+    """Rays to a jittered grid on the light, and the irradiance that each stands for.
+
+    Parameters
+    ----------
+    first, stop : int
+        Of the points.
+    panel : _Panel
+    points : _Points
+    oil : OilLayer
+        At the points.
+    out : _Rays
+        Written, where something arrives.
+    """
+    shape, out_normal, key, grid = panel.shape, panel.out_normal, panel.key, panel.grid
+    texels, origin, normal, smooth = points.texels, points.origin, points.normal, points.smooth
+    roughness, strength, table, f0 = oil.roughness, oil.strength, oil.table, oil.f0
+    ray, reach, sent, passed = out.ray, out.reach, out.sent, out.passed
     count = grid * grid
     for i in range(first, stop):
         nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])

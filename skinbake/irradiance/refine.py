@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,8 +67,27 @@ def refine(
         stride //= 2
         left = np.zeros((height, width), np.bool_)
         lines = -(-height // stride)
-        parallel_for(_between, lines, wanted, normal, values, stride, tolerance, 2 * stride <= close, left)
+        rule = _LatticeRule(stride, float(tolerance), 2 * stride <= close)
+        parallel_for(_between, lines, wanted, normal, values, rule, left)
         texels = np.flatnonzero(left)
+
+
+class _LatticeRule(NamedTuple):
+    """What is interpolated from a lattice.
+
+    Attributes
+    ----------
+    stride : int
+        Texels between points of the fine lattice; the wide one has half as many.
+    tolerance : float
+        Difference of neighbours up to which a value is interpolated.
+    some : bool
+        Whether fewer than four neighbours suffice.
+    """
+
+    stride: int
+    tolerance: float
+    some: bool
 
 
 @kernel
@@ -77,9 +97,7 @@ def _between(
     wanted: NDArray[np.bool_],
     normal: Image,
     values: Image,
-    stride: int,
-    tolerance: float,
-    some: bool,
+    rule: _LatticeRule,
     to_trace: NDArray[np.bool_],
 ) -> None:
     """Mark the texels of the lattice of `stride` to trace; the others are interpolated from the lattice twice as wide.
@@ -93,16 +111,12 @@ def _between(
         Unit, smooth.
     values : ndarray of shape (H, W, channels)
         Read on the wide lattice, written on the fine one.
-    stride : int
-        Texels between points of the fine lattice.
-    tolerance : float
-        Difference of neighbours up to which a value is interpolated.
-    some : bool
-        Whether fewer than four neighbours suffice.
+    rule : _LatticeRule
     to_trace : ndarray of shape (H, W)
         Written on the fine lattice.
     """
     height, width = wanted.shape
+    stride, tolerance, some = rule.stride, rule.tolerance, rule.some
     wide = 2 * stride
     channels = values.shape[2]
     for row_block in range(first, stop):

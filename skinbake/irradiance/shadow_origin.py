@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.raster import NO_FACE, ShownFaces
 from skinbake.irradiance.smooth_surface import SmoothSurface, descend
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
@@ -45,6 +45,44 @@ class SubdividedMesh(NamedTuple):
     facing: Image
     relief_mm: Float
     bulge_mm: Float
+
+
+class SurfaceTexels(NamedTuple):
+    """Which skin each texel of a tile shows, and its normals, as the kernels take it.
+
+    Attributes
+    ----------
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+        As in `ShownFaces`.
+    normal, smooth : ndarrays of shape (H, W, 3), float32
+        Unit normals with and without the normal map.
+    """
+
+    face_index: NDArray[np.int32]
+    barycentric: Image
+    normal: Image
+    smooth: Image
+
+
+class InsideTexels(NamedTuple):
+    """Places inside texels from which rays start.
+
+    Attributes
+    ----------
+    texels : ndarray of shape (n,), int64
+        row * W + col.
+    grid : int
+        Places along each side of a texel.
+    per_texel : ndarray of shape (F, 2, 2)
+        Change of the barycentrics 1 and 2 with a step of one column and one row down.
+    on_facet : ndarray of shape (H, W), bool
+        Texels whose way to the smooth surface is barred: their rays start on the facet.
+    """
+
+    texels: Index
+    grid: int
+    per_texel: Float
+    on_facet: NDArray[np.bool_]
 
 
 def facets_of(surface: SmoothSurface, centre_mm: Float) -> SubdividedMesh:
@@ -110,7 +148,7 @@ def facet_point(corners: Float | Image, f: int, b1: float, b2: float) -> tuple[f
 
 @kernel(inline=True)
 def subdivision_offset(
-    corners: Image, normals: Image, relief: float, f: int, b1: float, b2: float, px: float, py: float, pz: float
+    corners: Image, normals: Image, relief: float, f: int, b1: float, b2: float, at: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Offset from a point of the facet to the smooth surface, mm; theory.md 10.5. Only outwards: creases are left
     alone.
@@ -127,9 +165,10 @@ def subdivision_offset(
         Face.
     b1, b2 : float
         Barycentric weights of its corners 1 and 2.
-    px, py, pz : float
+    at : tuple of three floats
         The point, mm.
     """
+    px, py, pz = at
     dx, dy, dz = 0.0, 0.0, 0.0
     for k in range(3):
         b = 1.0 - b1 - b2 if k == 0 else (b1 if k == 1 else b2)
@@ -183,7 +222,7 @@ def offset_to_smooth_surface(
     )
     f, b1, b2 = descend(face, b1, b2, subdivided.levels)
     px, py, pz = facet_point(subdivided.corner_mm, f, b1, b2)
-    dx, dy, dz = subdivision_offset(subdivided.corner_mm, subdivided.corner_normal, rise, f, b1, b2, px, py, pz)
+    dx, dy, dz = subdivision_offset(subdivided.corner_mm, subdivided.corner_normal, rise, f, b1, b2, (px, py, pz))
     step = step_mm[face]
     px, py, pz = (
         px + step * subdivided.facing[f, 0],
@@ -197,8 +236,7 @@ def offset_to_smooth_surface(
 def long_ways(
     first: int,
     stop: int,
-    face_index: NDArray[np.int32],
-    barycentric: Image,
+    shown: ShownFaces,
     subdivided: SubdividedMesh,
     step_mm: Float,
     threshold_mm: Float,
@@ -210,13 +248,14 @@ def long_ways(
     ----------
     first, stop : int
         Rows.
-    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    shown : ShownFaces
     subdivided : SubdividedMesh
     step_mm, threshold_mm : ndarrays of shape (F,)
         Step off the facet that round-off asks for, and the length.
     out : ndarray of shape (H, W)
         Written.
     """
+    face_index, barycentric = shown.face_index, shown.barycentric
     for row in range(first, stop):
         for col in range(face_index.shape[1]):
             face = face_index[row, col]
@@ -231,8 +270,7 @@ def long_ways(
 def place(
     first: int,
     stop: int,
-    face: NDArray[np.int32],
-    barycentric: Image,
+    places: ShownFaces,
     subdivided: SubdividedMesh,
     step_mm: Float,
     start: Image,
@@ -244,8 +282,7 @@ def place(
     ----------
     first, stop : int
         Places.
-    face : ndarray of shape (n,)
-    barycentric : ndarray of shape (n, 2)
+    places : ShownFaces
     subdivided : SubdividedMesh
     step_mm : ndarray of shape (F,)
         Step off the facet that round-off asks for.
@@ -253,9 +290,8 @@ def place(
         Written, mm.
     """
     for i in range(first, stop):
-        px, py, pz, dx, dy, dz = offset_to_smooth_surface(
-            subdivided, step_mm, face[i], np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
-        )
+        face, b1, b2 = places.face_index[i], places.barycentric[i, 0], places.barycentric[i, 1]
+        px, py, pz, dx, dy, dz = offset_to_smooth_surface(subdivided, step_mm, face, np.float64(b1), np.float64(b2))
         start[i, 0], start[i, 1], start[i, 2] = px, py, pz
         way[i, 0], way[i, 1], way[i, 2] = dx, dy, dz
 
@@ -264,14 +300,10 @@ def place(
 def place_inside_texels(
     first: int,
     stop: int,
-    texels: Index,
-    grid: int,
-    face_index: NDArray[np.int32],
-    barycentric: Image,
-    per_texel: Float,
+    inside: InsideTexels,
+    shown: ShownFaces,
     subdivided: SubdividedMesh,
     step_mm: Float,
-    on_facet: NDArray[np.bool_],
     out: Image,
 ) -> None:
     """Ray origins of grid x grid points inside each listed texel, mm.
@@ -280,20 +312,16 @@ def place_inside_texels(
     ----------
     first, stop : int
         Of the texels.
-    texels : ndarray of shape (n,)
-        row * W + col.
-    grid : int
-    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
-    per_texel : ndarray of shape (F, 2, 2)
-        Change of the barycentrics 1 and 2 with a step of one column and one row down.
+    inside : InsideTexels
+    shown : ShownFaces
     subdivided : SubdividedMesh
     step_mm : ndarray of shape (F,)
         Step off the facet that round-off asks for.
-    on_facet : ndarray of shape (H, W)
-        Texels whose way to the smooth surface is barred: their rays start on the facet.
     out : ndarray of shape (n, grid * grid, 3)
         Written.
     """
+    texels, grid, per_texel = inside.texels, inside.grid, inside.per_texel
+    face_index, barycentric = shown.face_index, shown.barycentric
     width = face_index.shape[1]
     for i in range(first, stop):
         row, col = texels[i] // width, texels[i] % width
@@ -307,6 +335,6 @@ def place_inside_texels(
             if b1 + b2 > 1.0:
                 b1, b2 = b1 / (b1 + b2), b2 / (b1 + b2)
             px, py, pz, dx, dy, dz = offset_to_smooth_surface(subdivided, step_mm, face, b1, b2)
-            if on_facet[row, col]:
+            if inside.on_facet[row, col]:
                 dx, dy, dz = 0.0, 0.0, 0.0
             out[i, s, 0], out[i, s, 1], out[i, s, 2] = px + dx, py + dy, pz + dz

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skinbake.atlas.raster import NO_FACE, AtlasRaster
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.punctual_light import DIRECTIONAL, POINT, emitter, towards
-from skinbake.irradiance.shadow_origin import point_of
+from skinbake.irradiance.shadow_origin import SurfaceTexels, point_of
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
@@ -103,14 +103,13 @@ def apply_slant(
         source = np.array([POINT, *(light.position_mm - occluder.centre_mm), 0, 0, 0, -2, -3, 0], np.float64)
     else:
         source = emitter(light, occluder.centre_mm)
-    parallel_for(
-        _multiply, len(out), source, raster.face_index, raster.barycentric, occluder.subdivided, normal,
-        np.ascontiguousarray(slant.factor_rgb), out,
-    )  # fmt: skip
+    texels = SurfaceTexels(*raster.shown, normal, normal)
+    factor_rgb = np.ascontiguousarray(slant.factor_rgb)
+    parallel_for(_multiply, len(out), source, texels, occluder.subdivided, factor_rgb, out)
 
 
 @kernel
-def _multiply(first, stop, source, face_index, barycentric, subdivided, normal, factor_rgb, out):  # type: ignore[no-untyped-def]
+def _multiply(first, stop, source, texels, subdivided, factor_rgb, out):  # type: ignore[no-untyped-def]
     """Multiply irradiance by the factor at each texel's cosine of incidence, linear between the table's nodes.
 
     Parameters
@@ -119,12 +118,13 @@ def _multiply(first, stop, source, face_index, barycentric, subdivided, normal, 
         Rows.
     source : ndarray of shape (10,)
         As `emitter` makes it.
-    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+    texels : SurfaceTexels
+        With the normals that light was computed with.
     subdivided : SubdividedMesh
-    normal : ndarray of shape (H, W, 3)
     factor_rgb : ndarray of shape (n, 3)
     out : ndarray of shape (H, W, 3)
     """
+    face_index, barycentric, normal = texels.face_index, texels.barycentric, texels.normal
     last = factor_rgb.shape[0] - 1
     for row in range(first, stop):
         for col in range(out.shape[1]):

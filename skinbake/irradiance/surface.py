@@ -9,9 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, face_mm_per_texel, sample_map
+from skinbake.atlas.raster import ShownFaces
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.shadow_origin import SubdividedMesh, long_ways, place, place_inside_texels
+from skinbake.irradiance.shadow_origin import (
+    InsideTexels,
+    SubdividedMesh,
+    SurfaceTexels,
+    long_ways,
+    place,
+    place_inside_texels,
+)
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, normalized, safe_div
 from skinbake.scene.maps import SkinMaps
@@ -59,6 +67,11 @@ class TexelSurface:
         """Triangles that rays meet."""
         return self.occluder.subdivided
 
+    @property
+    def texels(self) -> SurfaceTexels:
+        """What each texel shows, for the kernels."""
+        return SurfaceTexels(self.raster.face_index, self.raster.barycentric, self.normal, self.smooth_normal)
+
     @cached_property
     def on_facet(self) -> NDArray[np.bool_]:
         """Texels at which another surface, as between closed lips, bars the way from facet to smooth surface, (H,
@@ -67,16 +80,7 @@ class TexelSurface:
         raster, step_mm = self.raster, _step_mm(self.texel_mm, self.occluder)
         barred = np.empty(raster.shape, np.bool_)
         threshold_mm = WORTH_CHECKING * self.texel_mm
-        parallel_for(
-            long_ways,
-            len(barred),
-            raster.face_index,
-            raster.barycentric,
-            self.subdivided,
-            step_mm,
-            threshold_mm,
-            barred,
-        )
+        parallel_for(long_ways, len(barred), raster.shown, self.subdivided, step_mm, threshold_mm, barred)
         texels, flat = np.flatnonzero(barred), barred.reshape(-1)
         face, barycentric = raster.face_index.reshape(-1)[texels], raster.barycentric.reshape(-1, 2)[texels]
         *_, flat[texels] = _ways_up(face, barycentric, self.occluder, step_mm)
@@ -89,12 +93,9 @@ class TexelSurface:
     def origins_inside(self, texels: Index, grid: int) -> Image:
         """Origins of a grid of rays inside each texel, mm, shape (n, grid * grid, 3)."""
         out = np.empty((len(texels), grid * grid, 3), np.float32)
-        face_index, barycentric = self.raster.face_index, self.raster.barycentric
+        inside = InsideTexels(texels, grid, self.per_texel, self.on_facet)
         step_mm = _step_mm(self.texel_mm, self.occluder)
-        parallel_for(
-            place_inside_texels, len(out),
-            texels, grid, face_index, barycentric, self.per_texel, self.subdivided, step_mm, self.on_facet, out,
-        )  # fmt: skip
+        parallel_for(place_inside_texels, len(out), inside, self.raster.shown, self.subdivided, step_mm, out)
         return out
 
 
@@ -164,7 +165,7 @@ def _ways_up(
     barred.
     """
     start, way = np.empty((len(face), 3), np.float32), np.empty((len(face), 3), np.float32)
-    parallel_for(place, len(face), face, barycentric, occluder.subdivided, step_mm, start, way)
+    parallel_for(place, len(face), ShownFaces(face, barycentric), occluder.subdivided, step_mm, start, way)
     # `way` is not scaled to length 1: a reach of 1 ends at the smooth surface
     return start, way, occluder.occluded(start, way, np.ones(len(face), np.float32))
 

@@ -97,6 +97,7 @@ def reflect_slanted(
 def _walk(layers: tuple[Layer, ...], eta: float, cosine: Float, walks: int, seed: int, threads: int | None) -> Float:
     """R at cosines above 0, (K, 3)."""
     from skinbake.profile.incidence_walk import reflect_beams
+    from skinbake.profile.photons import WalkLayers
 
     face = np.concatenate([[0.0], np.cumsum([layer.thickness_mm for layer in layers])])
     g = np.array([layer.g for layer in layers])
@@ -109,7 +110,8 @@ def _walk(layers: tuple[Layer, ...], eta: float, cosine: Float, walks: int, seed
         sigma_s = np.array([layer.medium.sigma_sp_per_mm[channel] for layer in layers]) / (1 - g)
         stream = np.random.SeedSequence([seed, channel, chunk]).generate_state(1, np.uint64)[0]
         sigma_t, out = sigma_a + sigma_s, np.empty(len(cosine))
-        reflect_beams(stream, -(-walks // CHUNKS), face, sigma_t, sigma_s / sigma_t, g, eta, cos_inside, out)
+        medium = WalkLayers(face, sigma_t, sigma_s / sigma_t, g)
+        reflect_beams(stream, -(-walks // CHUNKS), medium, eta, cos_inside, out)
         return out
 
     tasks = [(channel, chunk) for channel in range(channels) for chunk in range(CHUNKS)]

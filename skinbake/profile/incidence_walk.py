@@ -15,7 +15,7 @@ LATTICE = 0.7548776662466927, 0.5698402909980532  # R2 sequence [Roberts2018]
 
 
 @kernel
-def reflect_beams(seed, walks, face, sigma_t, albedo, g, eta, cos_inside, out):  # type: ignore[no-untyped-def]
+def reflect_beams(seed, walks, medium, eta, cos_inside, out):  # type: ignore[no-untyped-def]
     """Share of the light that entered a stack under each of K slants and leaves it above.
 
     A walk begins with a cosine-distributed direction of leaving light; at each of its collisions all beams are looked
@@ -25,10 +25,7 @@ def reflect_beams(seed, walks, face, sigma_t, albedo, g, eta, cos_inside, out): 
     ----------
     seed : uint64
     walks : int
-    face : ndarray of shape (N + 1,)
-        Depths of the layers' faces, mm; the last may be infinite.
-    sigma_t, albedo, g : ndarrays of shape (N,)
-        Extinction 1/mm, single-scattering albedo, Henyey-Greenstein mean cosine of each layer.
+    medium : WalkLayers
     eta : float
         Index of all layers over that of the outside.
     cos_inside : ndarray of shape (K,)
@@ -40,6 +37,7 @@ def reflect_beams(seed, walks, face, sigma_t, albedo, g, eta, cos_inside, out): 
     [Wang1995]
     """
     out[:] = 0.0
+    face, sigma_t, albedo, g = medium.face, medium.sigma_t, medium.albedo, medium.g
     layers = len(sigma_t)
     above = np.zeros(layers)  # optical depth of each layer's upper face
     for k in range(1, layers):

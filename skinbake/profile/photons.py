@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from skinbake.kernels.compile import kernel
+from skinbake.numerics import Float
 
 ROULETTE_BELOW = 1e-3
 ROULETTE_SURVIVAL = 0.1
@@ -19,6 +21,39 @@ GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
+
+
+class WalkLayers(NamedTuple):
+    """Layers as the kernels take them.
+
+    Attributes
+    ----------
+    face : ndarray of shape (L + 1,)
+        Depths of the faces, mm; the last may be infinite.
+    sigma_t, albedo, g : ndarrays of shape (L,)
+        Of each layer: extinction 1/mm, single-scattering albedo, Henyey-Greenstein mean cosine.
+    """
+
+    face: Float
+    sigma_t: Float
+    albedo: Float
+    g: Float
+
+
+class Annuli(NamedTuple):
+    """Where what leaves is counted: a disc of radius exp(`log_first`) mm, then annuli about it.
+
+    Attributes
+    ----------
+    log_first, per_log : float
+        The disc, and annuli an e-fold.
+    bins : int
+        In all; the last one holds all beyond.
+    """
+
+    log_first: float
+    per_log: float
+    bins: int
 
 
 @kernel(inline=True)
@@ -60,7 +95,7 @@ def fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bins):  # type: ignore[no-untyped-def]
+def trace(seed, photons, layers, index, annuli):  # type: ignore[no-untyped-def]
     """Sums of the weights, and of their squares, that leave through each annulus; theory.md 9.1.
 
     Parameters
@@ -68,14 +103,10 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
     seed : uint64
     photons : int
         Perpendicular packets of weight 1 that have already entered the top face at the origin.
-    face : ndarray of shape (L + 1,)
-        Depths of the faces, mm; the last may be infinite.
-    sigma_t, albedo, g : ndarray of shape (L,)
-        Of each layer: extinction 1/mm, single-scattering albedo, Henyey-Greenstein mean cosine.
+    layers : WalkLayers
     index : ndarray of shape (L + 2,)
         Refractive indices, with the outside above and below.
-    log_first, per_log, bins : float, float, int
-        Disc of radius exp(log_first) mm, then `per_log` annuli an e-fold; the last of `bins` holds all beyond.
+    annuli : Annuli
 
     Returns
     -------
@@ -88,9 +119,11 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
     ----------
     [Wang1995]
     """
+    face, sigma_t, albedo, g = layers.face, layers.sigma_t, layers.albedo, layers.g
+    bins = annuli.bins
     tally = np.zeros((2, 2, bins))
     other = np.zeros(2)
-    layers = len(sigma_t)
+    count = len(sigma_t)
     state = mixed(seed + GOLDEN)
     for _ in range(photons):
         x, y, z = 0.0, 0.0, 0.0
@@ -128,7 +161,7 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
                 if reflected > 0.0 and uniform(mixed(state)) < reflected:
                     uz = -uz
                     continue
-                if beyond < 0 or beyond == layers:
+                if beyond < 0 or beyond == count:
                     leaves = 1 if down else 0
                     break
                 ratio = index[layer + 1] / index[beyond + 1]
@@ -184,7 +217,7 @@ def trace(seed, photons, face, sigma_t, albedo, g, index, log_first, per_log, bi
             radius = math.sqrt(x * x + y * y)
             k = 0
             if radius > 0.0:
-                k = max(0, min(bins - 1, math.floor((math.log(radius) - log_first) * per_log) + 1))
+                k = max(0, min(bins - 1, math.floor((math.log(radius) - annuli.log_first) * annuli.per_log) + 1))
             tally[leaves, 0, k] += weight
             tally[leaves, 1, k] += weight * weight
     return tally, other

@@ -148,7 +148,7 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
     ----------
     [Wang1995]
     """
-    from skinbake.profile.photons import trace
+    from skinbake.profile.photons import Annuli, WalkLayers, trace
 
     if photons < 1:
         raise ValueError(f"photons: expected at least 1, got {photons}")
@@ -159,6 +159,7 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
     per_log = count / np.log(last / first)
     edge = np.concatenate([[0.0], np.geomspace(first, last, count + 1), [np.inf]])
     bins = len(edge) - 1
+    annuli = Annuli(float(np.log(first)), float(per_log), bins)
 
     face = np.concatenate([[0.0], np.cumsum([layer.thickness_mm for layer in layers])])
     index = np.array([1.0, *(layer.eta for layer in layers), 1.0])
@@ -175,7 +176,8 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
         sigma_s = np.array([layer.medium.sigma_sp_per_mm[channel] for layer in layers]) / (1 - g)
         stream = np.random.SeedSequence([seed, channel, chunk]).generate_state(1, np.uint64)[0]
         sigma_t = sigma_a + sigma_s
-        result = trace(stream, share[chunk], face, sigma_t, sigma_s / sigma_t, g, index, np.log(first), per_log, bins)
+        medium = WalkLayers(face, sigma_t, sigma_s / sigma_t, g)
+        result = trace(stream, share[chunk], medium, index, annuli)
         return result
 
     channels = range(len(layers[0].medium.albedo))

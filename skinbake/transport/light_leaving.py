@@ -16,7 +16,18 @@ from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.transport.medium import TransportMedium
 from skinbake.transport.surface_rays import SurfaceRays
-from skinbake.transport.walk import HARD, PUNCTUAL, RECTANGLE, SKY, THROUGH, WHOLE, WalkLights, WalkMedium, walk_from
+from skinbake.transport.walk import (
+    HARD,
+    PUNCTUAL,
+    RECTANGLE,
+    SKY,
+    THROUGH,
+    WHOLE,
+    SkinPoint,
+    WalkLights,
+    WalkMedium,
+    walk_from,
+)
 
 GROUPS = 16  # of walks, each over a lattice of its own: their spread is the standard error
 ESTIMATES = {"hard": HARD, "through": THROUGH, "whole": WHOLE}
@@ -97,11 +108,10 @@ def light_leaving(
     found = np.zeros((len(face), GROUPS, 3, len(lights), 3))
 
     def work(p: int) -> None:
+        point = SkinPoint(tuple(position[p].tolist()), tuple(normal[p].tolist()))
         for group in range(GROUPS):
             stream = np.random.SeedSequence([seed, first + p, group]).generate_state(1, np.uint64)[0]
-            x, y, z = position[p]
-            nx, ny, nz = normal[p]
-            walk_from(skin.rays, kernel_medium, kernel_lights, stream, each, x, y, z, nx, ny, nz, found[p, group])
+            walk_from(skin.rays, kernel_medium, kernel_lights, stream, each, point, found[p, group])
         if progress:
             progress(1)
 

@@ -125,13 +125,15 @@ def _frame(nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @kernel(inner=True)
-def _sees(rays, buffer, source, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
+def _sees(rays, buffer, source, at, normal):  # type: ignore[no-untyped-def]
     """0: faces away from the light, 1: faces it and other skin hides it, 2: lit."""
+    x, y, z = at
+    nx, ny, nz = normal
     lx, ly, lz, distance, reach = towards(source, x, y, z)
     if reach <= 0.0 or lx * nx + ly * ny + lz * nz <= 0.0:
         return 0
     step = 4.0 * rays.step_mm
-    _, f, _, _ = first_hit(rays, buffer, x + step * nx, y + step * ny, z + step * nz, lx, ly, lz, distance)
+    _, f, _, _ = first_hit(rays, buffer, (x + step * nx, y + step * ny, z + step * nz), (lx, ly, lz), distance)
     return 1 if f >= 0 else 2
 
 
@@ -146,18 +148,18 @@ def _classify(rays, position, normal, sources, out):  # type: ignore[no-untyped-
         sx, sy, sz, tx, ty, tz = _frame(nx, ny, nz)
         step = 4.0 * rays.step_mm
         ox, oy, oz = x + step * nx, y + step * ny, z + step * nz
-        _, f, _, _ = first_hit(rays, buffer, ox, oy, oz, nx, ny, nz, np.inf)
+        _, f, _, _ = first_hit(rays, buffer, (ox, oy, oz), (nx, ny, nz), np.inf)
         if f >= 0 and rays.normal[f, 0] * nx + rays.normal[f, 1] * ny + rays.normal[f, 2] * nz > 0.0:
             out[p, 0] = True
             continue
-        _, f, _, _ = first_hit(rays, buffer, x - step * nx, y - step * ny, z - step * nz, -nx, -ny, -nz, THIN_MM)
+        _, f, _, _ = first_hit(rays, buffer, (x - step * nx, y - step * ny, z - step * nz), (-nx, -ny, -nz), THIN_MM)
         out[p, 4] = f >= 0
         met = 0
         for i in range(HEMISPHERE):
             r, angle = np.sqrt((i + 0.5) / HEMISPHERE), i * GOLDEN_ANGLE
             a, b, up = r * np.cos(angle), r * np.sin(angle), np.sqrt(1.0 - r * r)
             dx, dy, dz = a * sx + b * tx + up * nx, a * sy + b * ty + up * ny, a * sz + b * tz + up * nz
-            _, f, _, _ = first_hit(rays, buffer, ox, oy, oz, dx, dy, dz, np.inf)
+            _, f, _, _ = first_hit(rays, buffer, (ox, oy, oz), (dx, dy, dz), np.inf)
             if f >= 0:
                 met += 1
         out[p, 5] = met >= CREASE * HEMISPHERE
@@ -170,19 +172,18 @@ def _classify(rays, position, normal, sources, out):  # type: ignore[no-untyped-
             qx = x + a * sx + b * tx + EDGE_MM * nx
             qy = y + a * sy + b * ty + EDGE_MM * ny
             qz = z + a * sz + b * tz + EDGE_MM * nz
-            way, f, _, _ = first_hit(rays, buffer, qx, qy, qz, -nx, -ny, -nz, 2.0 * EDGE_MM)
+            way, f, _, _ = first_hit(rays, buffer, (qx, qy, qz), (-nx, -ny, -nz), 2.0 * EDGE_MM)
             if f >= 0 and rays.normal[f, 0] * nx + rays.normal[f, 1] * ny + rays.normal[f, 2] * nz > 0.0:
                 near[count, 0], near[count, 1], near[count, 2] = qx - way * nx, qy - way * ny, qz - way * nz
                 near[count, 3:6] = rays.normal[f]
                 count += 1
         for light in range(len(sources)):
-            here = _sees(rays, buffer, sources[light], x, y, z, nx, ny, nz)
+            here = _sees(rays, buffer, sources[light], (x, y, z), (nx, ny, nz))
             is_lit, is_dark, is_hidden = here == 2, here != 2, here == 1
             out[p, 1] = out[p, 1] or here == 2
             for i in range(count):
-                there = _sees(
-                    rays, buffer, sources[light], near[i, 0], near[i, 1], near[i, 2], near[i, 3], near[i, 4], near[i, 5]
-                )
+                place, up = (near[i, 0], near[i, 1], near[i, 2]), (near[i, 3], near[i, 4], near[i, 5])
+                there = _sees(rays, buffer, sources[light], place, up)
                 is_lit, is_dark, is_hidden = is_lit or there == 2, is_dark or there != 2, is_hidden or there == 1
             if is_lit and is_dark:
                 out[p, 2] = True

@@ -140,7 +140,7 @@ def ray_buffer():  # type: ignore[no-untyped-def]
 
 
 @kernel
-def first_hit(rays, buffer, px, py, pz, dx, dy, dz, reach):  # type: ignore[no-untyped-def]
+def first_hit(rays, buffer, at, direction, reach):  # type: ignore[no-untyped-def]
     """Distance (`reach` where nothing is hit), triangle (-1: none) and barycentrics 1 and 2 of a ray's first hit.
 
     Parameters
@@ -148,7 +148,7 @@ def first_hit(rays, buffer, px, py, pz, dx, dy, dz, reach):  # type: ignore[no-u
     rays : RayScene
     buffer
         Of `ray_buffer`.
-    px ... pz, dx ... dz : float
+    at, direction : tuples of three floats
         Origin, mm about the scene's centre, and unit direction.
     reach : float
         mm; may be infinite.
@@ -158,8 +158,8 @@ def first_hit(rays, buffer, px, py, pz, dx, dy, dz, reach):  # type: ignore[no-u
     [Wald2014]
     """
     ray, bits, address = buffer
-    ray[0], ray[1], ray[2], ray[3] = px, py, pz, 0.0
-    ray[4], ray[5], ray[6], ray[7] = dx, dy, dz, 0.0
+    ray[0], ray[1], ray[2], ray[3] = at[0], at[1], at[2], 0.0
+    ray[4], ray[5], ray[6], ray[7] = direction[0], direction[1], direction[2], 0.0
     ray[8] = reach
     bits[9], bits[10], bits[11] = NOTHING, np.uint32(0), np.uint32(0)
     bits[18] = NOTHING  # geomID

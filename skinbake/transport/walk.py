@@ -74,6 +74,37 @@ class WalkLights(NamedTuple):
     share: Float
 
 
+class SkinPoint(NamedTuple):
+    """A point of the skin.
+
+    Attributes
+    ----------
+    at, normal : tuples of three floats
+        Position, mm about the rays' centre, and unit normal.
+    """
+
+    at: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+
+class InsideSkin(NamedTuple):
+    """A place inside the skin.
+
+    Attributes
+    ----------
+    at : tuple of three floats
+        Position, mm about the rays' centre.
+    normal : tuple of three floats
+        Of skin nearby, to begin with where the face refracts.
+    depth : int
+        How many closed parts hold the place.
+    """
+
+    at: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    depth: int
+
+
 @kernel(inner=True)
 def _share_at(share, cosine):  # type: ignore[no-untyped-def]
     """Share of arriving light that enters, linear between the table's cosines."""
@@ -121,15 +152,18 @@ def _phase(g, cosine):  # type: ignore[no-untyped-def]
 
 
 @kernel(inner=True)
-def _fly(rays, buffer, px, py, pz, dx, dy, dz, depth, reach):  # type: ignore[no-untyped-def]
+def _fly(rays, buffer, at, direction, depth, reach):  # type: ignore[no-untyped-def]
     """Go straight until the skin ends or for `reach`.
 
     Where closed parts overlap, `depth` counts how many hold the place. Gives the distance, the triangle where the skin
     ends (-1: it did not), barycentrics 1 and 2 there, and the depth.
     """
+    px, py, pz = at
+    dx, dy, dz = direction
     t = 0.0
     for _ in range(MAX_CROSSINGS):
-        step, f, b1, b2 = first_hit(rays, buffer, px + t * dx, py + t * dy, pz + t * dz, dx, dy, dz, reach - t)
+        place = px + t * dx, py + t * dy, pz + t * dz
+        step, f, b1, b2 = first_hit(rays, buffer, place, direction, reach - t)
         if f < 0:
             return reach, -1, 0.0, 0.0, depth
         t += step
@@ -146,14 +180,17 @@ def _fly(rays, buffer, px, py, pz, dx, dy, dz, depth, reach):  # type: ignore[no
 
 
 @kernel(inner=True)
-def _beyond(rays, buffer, px, py, pz, dx, dy, dz, distance, eta, faint_mm):  # type: ignore[no-untyped-def]
+def _beyond(rays, buffer, at, direction, distance, eta, faint_mm):  # type: ignore[no-untyped-def]
     """From outside to a light: whether skin is in the way, its length in mm, and what passes its faces.
 
     The line goes straight on through skin, as through a plate.
     """
+    px, py, pz = at
+    dx, dy, dz = direction
     t, inside, passes, depth, blocked = 0.0, 0.0, 1.0, 0, False
     for _ in range(MAX_CROSSINGS):
-        step, f, _b1, _b2 = first_hit(rays, buffer, px + t * dx, py + t * dy, pz + t * dz, dx, dy, dz, distance - t)
+        place = px + t * dx, py + t * dy, pz + t * dz
+        step, f, _b1, _b2 = first_hit(rays, buffer, place, direction, distance - t)
         if f < 0:
             break
         cosine = rays.normal[f, 0] * dx + rays.normal[f, 1] * dy + rays.normal[f, 2] * dz
@@ -173,11 +210,23 @@ def _beyond(rays, buffer, px, py, pz, dx, dy, dz, distance, eta, faint_mm):  # t
 
 
 @kernel(inner=True)
-def _focus(rays, f, nx, ny, nz, wx, wy, wz, cos_out, cos_in, eta, way_mm):  # type: ignore[no-untyped-def]
+def _focus(rays, f, normal, light, cosines, eta, way_mm):  # type: ignore[no-untyped-def]
     """How much a curved face concentrates a beam on its way of `way_mm` below it; 1 for a plane.
 
     The area of a pencil of rays, from the change of the refracted direction with the normal along the triangle's edges.
+
+    Parameters
+    ----------
+    f : int
+        Triangle that the beam enters.
+    normal, light : tuples of three floats
+        Of the face, and towards the light.
+    cosines : tuple of two floats
+        Of the beam to the normal, outside and inside.
     """
+    nx, ny, nz = normal
+    wx, wy, wz = light
+    cos_out, cos_in = cosines
     a = np.empty((2, 3))  # displacements on the face
     b = np.empty((2, 3))  # where they are after the way
     ux, uy, uz = wx / eta, wy / eta, wz / eta
@@ -231,16 +280,17 @@ def _to_light(kind, source, px, py, pz, u, v):  # type: ignore[no-untyped-def]
 
 
 @kernel(inner=True)
-def _look_for(  # type: ignore[no-untyped-def]
-    rays, buffer, kind, source, casts, share, eta, faint_mm, px, py, pz, depth, nx, ny, nz, u, v
-):
+def _look_for(rays, buffer, lights, light, inside, optics, uv):  # type: ignore[no-untyped-def]
     """What a light sends to a place inside the skin.
 
     Parameters
     ----------
-    nx, ny, nz : float
-        Normal of skin nearby, to begin with where the face refracts.
-    u, v : float
+    lights : WalkLights
+    light : int
+    inside : InsideSkin
+    optics : tuple of two floats
+        Index inside over index outside, and the length in mm beyond which no light is looked for.
+    uv : tuple of two floats
         Place on a rectangle.
 
     Returns
@@ -248,13 +298,19 @@ def _look_for(  # type: ignore[no-untyped-def]
     Irradiance on a plane that faces it before extinction (0: nothing comes), direction to where it comes from inside
     the skin, length of the way inside, whether other skin is in the way, length of that, and what passes its faces.
     """
+    kind, source, share = lights.kind[light], lights.source[light], lights.share
+    px, py, pz = inside.at
+    nx, ny, nz = inside.normal
+    eta, faint_mm = optics
+    u, v = uv
+    depth = inside.depth
     wx, wy, wz, distance, sent = _to_light(kind, source, px, py, pz, u, v)
     nothing = 0.0, wx, wy, wz, 0.0, False, 0.0, 1.0
     if sent <= 0.0:
         return nothing
     ux, uy, uz, gain = wx, wy, wz, 1.0
     if eta == 1.0:
-        way, f, b1, b2, _ = _fly(rays, buffer, px, py, pz, wx, wy, wz, depth, min(distance, faint_mm))
+        way, f, b1, b2, _ = _fly(rays, buffer, inside.at, (wx, wy, wz), depth, min(distance, faint_mm))
         if f < 0 and way >= faint_mm:
             return nothing
         if f >= 0:
@@ -268,7 +324,7 @@ def _look_for(  # type: ignore[no-untyped-def]
             ux, uy, uz = wx / eta + turn * nx, wy / eta + turn * ny, wz / eta + turn * nz
             length = math.sqrt(ux * ux + uy * uy + uz * uz)
             ux, uy, uz = ux / length, uy / length, uz / length
-            way, f, b1, b2, _ = _fly(rays, buffer, px, py, pz, ux, uy, uz, depth, faint_mm)
+            way, f, b1, b2, _ = _fly(rays, buffer, inside.at, (ux, uy, uz), depth, faint_mm)
             if f < 0:
                 return nothing
             mx, my, mz = _normal_at(rays, f, b1, b2)
@@ -282,16 +338,16 @@ def _look_for(  # type: ignore[no-untyped-def]
             return nothing
         cos_in = math.sqrt(1.0 - (1.0 - cos_out * cos_out) / (eta * eta))
         gain = _share_at(share, cos_out) * cos_out / cos_in
-        gain *= _focus(rays, f, nx, ny, nz, wx, wy, wz, cos_out, cos_in, eta, way)
+        gain *= _focus(rays, f, (nx, ny, nz), (wx, wy, wz), (cos_out, cos_in), eta, way)
         distance += way
-    if f < 0 or not casts:
+    if f < 0 or not lights.casts[light]:
         return sent * gain, ux, uy, uz, way, False, 0.0, 1.0
     qx = px + way * ux + rays.step_mm * rays.normal[f, 0]
     qy = py + way * uy + rays.step_mm * rays.normal[f, 1]
     qz = pz + way * uz + rays.step_mm * rays.normal[f, 2]
     left_mm = max(distance - way - rays.step_mm, 0.0)
-    blocked, inside, passes = _beyond(rays, buffer, qx, qy, qz, wx, wy, wz, left_mm, eta, faint_mm)
-    return sent * gain, ux, uy, uz, way, blocked, inside, passes
+    blocked, other, passes = _beyond(rays, buffer, (qx, qy, qz), (wx, wy, wz), left_mm, eta, faint_mm)
+    return sent * gain, ux, uy, uz, way, blocked, other, passes
 
 
 @kernel(inner=True)
@@ -305,7 +361,7 @@ def _radiance(sky, rotate, x, y, z, channel):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def walk_from(rays, medium, lights, seed, walks, px, py, pz, nx, ny, nz, out):  # type: ignore[no-untyped-def]
+def walk_from(rays, medium, lights, seed, walks, point, out):  # type: ignore[no-untyped-def]
     """Light that leaves at a point of the skin, by `walks` walks for each channel's free paths.
 
     Parameters
@@ -315,8 +371,9 @@ def walk_from(rays, medium, lights, seed, walks, px, py, pz, nx, ny, nz, out):  
     lights : WalkLights
     seed : uint64
         The same seed gives the same result, whatever runs beside it.
-    px ... pz, nx ... nz : float
-        The point, mm about the rays' centre, and its unit normal.
+    walks : int
+        A channel.
+    point : SkinPoint
     out : ndarray of shape (3, L, 3), written
         Radiant exitance by estimate, light and channel. `HARD`: the walk ends where it first leaves the skin, and a
         light that other skin hides is not seen; `THROUGH`: a light also shines through other skin, unscattered;
@@ -328,6 +385,8 @@ def walk_from(rays, medium, lights, seed, walks, px, py, pz, nx, ny, nz, out):  
     """
     buffer = ray_buffer()
     count = len(lights.kind)
+    px, py, pz = point.at
+    nx, ny, nz = point.normal
     out[:] = 0.0
     sigma_t, eta, g = medium.sigma_t_per_mm, medium.eta, medium.g
     faint_mm = FAINT / min(sigma_t[0], sigma_t[1], sigma_t[2])
@@ -367,7 +426,7 @@ def walk_from(rays, medium, lights, seed, walks, px, py, pz, nx, ny, nz, out):  
             hx, hy, hz = nx, ny, nz  # normal where the walk was last at the surface
 
             for _ in range(MAX_EVENTS):
-                way, f, b1, b2, depth = _fly(rays, buffer, x, y, z, dx, dy, dz, depth, length)
+                way, f, b1, b2, depth = _fly(rays, buffer, (x, y, z), (dx, dy, dz), depth, length)
                 # Balance heuristic over the channels whose free paths could have led here
                 total = 0.0
                 for c in range(3):
@@ -396,10 +455,10 @@ def walk_from(rays, medium, lights, seed, walks, px, py, pz, nx, ny, nz, out):  
                             u = uniform(mixed(state))
                             state += GOLDEN
                             v = uniform(mixed(state))
+                        here = InsideSkin((x, y, z), (hx, hy, hz), depth)
                         sent, ux, uy, uz, inside, blocked, other, passes = _look_for(
-                            rays, buffer, lights.kind[light], lights.source[light], lights.casts[light], lights.share,
-                            eta, faint_mm, x, y, z, depth, hx, hy, hz, u, v,
-                        )  # fmt: skip
+                            rays, buffer, lights, light, here, (eta, faint_mm), (u, v)
+                        )
                         if sent <= 0.0:
                             continue
                         sent *= _phase(g, ux * dx + uy * dy + uz * dz)
@@ -445,7 +504,7 @@ def walk_from(rays, medium, lights, seed, walks, px, py, pz, nx, ny, nz, out):  
                     goes_out = reflected == 0.0 or uniform(mixed(state)) >= reflected
                     qx, qy, qz = x + rays.step_mm * ax, y + rays.step_mm * ay, z + rays.step_mm * az
                     if reflected < 1.0 and (goes_out or has_sky):
-                        again, f, b1, b2 = first_hit(rays, buffer, qx, qy, qz, ox, oy, oz, np.inf)
+                        again, f, b1, b2 = first_hit(rays, buffer, (qx, qy, qz), (ox, oy, oz), np.inf)
                         if f < 0 and collisions > 0 and has_sky:
                             for light in range(count):
                                 if lights.kind[light] == SKY:
