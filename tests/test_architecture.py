@@ -114,6 +114,8 @@ STILL_LONG = (
     "diffuse/surface_space/sources.py:_write",
     "diffuse/surface_space/sources.py:near_boxes",
     "diffuse/surface_space/upsample.py:_least_sigma",
+    "diffuse/terms/beam.py:_read_upstream",
+    "diffuse/terms/beam.py:_aim_upstream",
     "diffuse/terms/interreflection.py:_aim",
     "diffuse/terms/interreflection.py:_collect",
     "diffuse/terms/skin_hits.py:_place",
