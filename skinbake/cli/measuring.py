@@ -217,7 +217,6 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     from skinbake.diffuse.probes import Probes, read_at_probes
     from skinbake.diffuse.resources import LobeResources
     from skinbake.diffuse.skin_geometry import SkinGeometry
-    from skinbake.diffuse.terms.beam import BEAM_SIGMA_MM
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.irradiance.decide import decide
@@ -235,8 +234,9 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
     source, of_wide = (
         {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in light.items()}
-        for light in (entering.rgb, entering.beam or {})
+        for light in (entering.rgb, entering.beam.rgb if entering.beam else {})
     )
+    wide_mm2 = entering.beam.narrowest_mm2 if entering.beam else np.inf
     del irradiance, entering
     geometry = SkinGeometry(atlas, scene.mesh)
     resources = LobeResources(source, geometry, spec.diffusion)
@@ -257,7 +257,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     total = np.zeros((len(probes), 3))
     for variance, weight in zip(gaussians.variance_mm2, gaussians.weight_rgb, strict=True):
         lobe = LobeParameters(float(variance))
-        blurred = resources_of_wide if variance >= BEAM_SIGMA_MM**2 else resources
+        blurred = resources_of_wide if variance >= wide_mm2 else resources
         # Probes of another size have no texel of their own to read where there is no blur
         read = REFERENCE.at_probes(blurred, lobe, probes) if variance > 0 else read_at_probes(source, probes)
         total += weight * read

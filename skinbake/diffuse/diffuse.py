@@ -20,6 +20,7 @@ from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
+from skinbake.diffuse.terms.beam import BeamLight
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.decision import Decision
 from skinbake.scene.mesh import SkinMesh
@@ -37,7 +38,7 @@ def diffuse(
     precision: str = "half",
     progress: Callable[[str], None] | None = None,
     remember: Memoize | None = None,
-    beam: Tiles | None = None,
+    beam: BeamLight | None = None,
 ) -> DiffuseMap:
     """Blur light by each Gaussian and measure the error of the sum.
 
@@ -61,8 +62,8 @@ def diffuse(
         Told in words what begins.
     remember : callable, optional
         Asked for what is known of a light already; the result is the same to the last bit.
-    beam : dict of int to ndarray of shape (L, H, W, 3), float32, optional
-        In place of `source` for lobes of `BEAM_SIGMA_MM` and wider.
+    beam : BeamLight, optional
+        In place of `source` for wider lobes.
 
     Returns
     -------
@@ -88,9 +89,12 @@ def diffuse(
     check_memory(atlas[0].shape, len(lights), len(atlas), len(gaussians.variance_mm2), spec.method)
     scaled, exponents = scaled_source(tiles)
     geometry = SkinGeometry(atlas, mesh)
-    resources = LobeResources(scaled, geometry, spec)
-    of_wide = LobeResources(scaled_by(checked_source(beam, lights, atlas), exponents), geometry, spec) if beam else None
-    memoizer = Memoizer(resources, lights, remember, of_wide)
+    memoizer = Memoizer(LobeResources(scaled, geometry, spec), lights, remember)
+    if beam is not None:
+        further = scaled_by(checked_source(beam.rgb, lights, atlas), exponents)
+        memoizer = Memoizer(
+            memoizer.resources, lights, remember, LobeResources(further, geometry, spec), beam.narrowest_mm2
+        )
 
     # Plan
     if fixed is None:

@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, sample_map
-from skinbake.diffuse.terms.beam import BEAM_SIGMA_MM, BeamShift, decide_beam, free_path_of, has_beam, moved_share
+from skinbake.diffuse.terms.beam import (
+    BeamLight,
+    BeamShift,
+    decide_beam,
+    free_path_of,
+    has_beam,
+    moved_share,
+    narrowest_mm2,
+)
 from skinbake.diffuse.terms.interreflection import (
     add_at_full_size,
     bounced_light,
@@ -48,8 +56,8 @@ class LightEntering:
         Of the lights, or "total" where they are summed.
     rgb : dict of int to ndarray of shape (L, H, W, 3), float32
         By tile, times albedo^x.
-    beam : dict of int to ndarray of shape (L, H, W, 3), float32, optional
-        The same for lobes of `BEAM_SIGMA_MM` and wider: what lamps send stands where it first scatters.
+    beam : BeamLight, optional
+        The same for wider lobes: what lamps send stands where it first scatters.
     mean_albedo : ndarray of shape (3,)
         Of the skin.
     plan : tuple of Decision
@@ -57,7 +65,7 @@ class LightEntering:
 
     names: tuple[str, ...]
     rgb: dict[int, Image]
-    beam: dict[int, Image] | None
+    beam: BeamLight | None
     mean_albedo: Float
     plan: tuple[Decision, ...]
 
@@ -131,7 +139,9 @@ def light_entering(
         if tile_number in further:
             further[tile_number] += rgb
             np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
-    return LightEntering(names, light, further or None, total / sum(map(np.sum, area)), tuple(plan))
+    free_path = free_path_of(medium)
+    beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
+    return LightEntering(names, light, beam, total / sum(map(np.sum, area)), tuple(plan))
 
 
 def _named(spec: SceneSpec, name: str) -> LightSpec:
@@ -164,7 +174,7 @@ def _decide_beam(
     free_path = free_path_of(medium)
     if isinstance(free_path, str):
         return [], set(), [Decision("beam", False, f"{switch}: {free_path}")]
-    wide = gaussians.variance_mm2 >= BEAM_SIGMA_MM**2
+    wide = gaussians.variance_mm2 >= narrowest_mm2(free_path[0])
     share = float(gaussians.weight_rgb[wide].sum() / max(gaussians.weight_rgb.sum(), 1e-12))
     shifts = [
         BeamShift(raster, scene.mesh, scene.occluder, spec.texture.udim, k, *free_path)

@@ -17,7 +17,6 @@ from skinbake.atlas import Tiles
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
-from skinbake.diffuse.terms.beam import BEAM_SIGMA_MM
 from skinbake.numerics import Float
 
 Kind = tuple[Any, ...]
@@ -40,7 +39,9 @@ class Memoizer:
         Knows mesh, raster, spec, and what identifies the light behind each name; a kind adds the rest. Without it
         methods are run on all lights at once.
     of_wide : LobeResources, optional
-        Of the light that lobes of `BEAM_SIGMA_MM` and wider blur, where that is another.
+        Of the light that wider lobes blur, where that is another.
+    wide_mm2 : float
+        Least variance of these.
     """
 
     def __init__(
@@ -49,8 +50,10 @@ class Memoizer:
         names: tuple[str, ...],
         memoize: Memoize | None = None,
         of_wide: LobeResources | None = None,
+        wide_mm2: float = np.inf,
     ) -> None:
-        self.resources, self.names, self._memoize, self._of_wide = resources, names, memoize, of_wide
+        self.resources, self.names, self._memoize = resources, names, memoize
+        self._of_wide, self._wide_mm2 = of_wide, wide_mm2
         self._of_lights: dict[tuple[bool, tuple[str, ...]], LobeResources] = {(False, names): resources}
         if of_wide:
             self._of_lights[True, names] = of_wide
@@ -60,7 +63,7 @@ class Memoizer:
         return self._of_wide if self._of_wide and self._is_wide(variance_mm2) else self.resources
 
     def _is_wide(self, variance_mm2: float) -> bool:
-        return self._of_wide is not None and variance_mm2 >= BEAM_SIGMA_MM**2
+        return self._of_wide is not None and variance_mm2 >= self._wide_mm2
 
     def map(self, method: DiffusionMethod, lobe: LobeParameters) -> Tiles:
         """The lobe at its stored size, (L, h, w, 3) a tile."""

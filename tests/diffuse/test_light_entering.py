@@ -119,10 +119,14 @@ def test_lights_stay_linear():
     total = entering(plates(), lights, terms, output={"lights": "total"})[0]
     assert total.names == ("total",)
     for of in ("rgb", "beam"):
-        image = getattr(both, of)[1001]
-        np.testing.assert_array_equal(image, np.concatenate([getattr(one, of)[1001] for one in each]))
-        np.testing.assert_allclose(getattr(total, of)[1001][0], image.sum(axis=0), rtol=1e-5, atol=1e-6)
-    assert not np.array_equal(both.rgb[1001], both.beam[1001])
+
+        def of_tile(found, of=of):
+            return (found.rgb if of == "rgb" else found.beam.rgb)[1001]
+
+        image = of_tile(both)
+        np.testing.assert_array_equal(image, np.concatenate([of_tile(one) for one in each]))
+        np.testing.assert_allclose(of_tile(total)[0], image.sum(axis=0), rtol=1e-5, atol=1e-6)
+    assert not np.array_equal(both.rgb[1001], both.beam.rgb[1001])
 
 
 def test_a_second_bounce_adds_what_comes_back():
@@ -151,7 +155,7 @@ def test_a_spectral_skin_has_a_table_too():
 def test_even_light_is_not_moved_and_auto_says_so():
     """A plane in the sun: upstream there is the same light. Skies have no upstream."""
     got, arrived, _ = entering(quad(), [sun(0.4), SKY], {"beam": "on"})
-    np.testing.assert_allclose(got.beam[1001], arrived.rgb * np.array(ALBEDO, np.float32), rtol=1e-5)
+    np.testing.assert_allclose(got.beam.rgb[1001], arrived.rgb * np.array(ALBEDO, np.float32), rtol=1e-5)
     assert [line.enabled for line in got.plan if line.term.endswith(".beam")] == [True, False]
     auto = entering(quad(), [sun(0.4), SKY], {"beam": "auto"})[0]
     assert auto.beam is None
@@ -179,6 +183,7 @@ def test_what_a_beam_lights_stands_further_along():
     nearer = of_index.read(light, image)[60].sum(axis=0) * 24.0 / size[0]
     np.testing.assert_allclose(nearer - image[60].sum(axis=0) * 24.0 / size[0], -shift / 1.6, atol=0.06)
     assert got.plan[1].term == "sun.beam"
+    assert got.beam.narrowest_mm2 == pytest.approx((0.4 * shift.mean() / 0.8) ** 2)
 
 
 def test_rays_find_what_lies_upstream_in_another_chart():

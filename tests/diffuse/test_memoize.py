@@ -74,7 +74,7 @@ def test_wide_lobes_blur_the_light_that_was_shifted_and_narrow_ones_do_not(name,
     for rgb in far.source.values():
         rgb *= np.float32(0.7)
     probes = draw_probes(near.geometry, 50, 0)
-    both = [Memoizer(near, ("key", "rim"), store, far) for store in (None, Store())]
+    both = [Memoizer(near, ("key", "rim"), store, far, 0.16) for store in (None, Store())]
     for lobe, of in ((LobeParameters(0.15, 0, 0.8, 0.02), near), (LobeParameters(0.17, 0, 0.8, 0.02), far)):
         want = run(Memoizer(of, ("key", "rim")), method, operation, probes, lobe)
         for memoizer in both:

@@ -10,7 +10,6 @@ from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
 from skinbake.diffuse.scatter import scatter
-from skinbake.diffuse.terms.beam import BEAM_SIGMA_MM
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.lobes import as_stored_lobes
@@ -86,8 +85,8 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             incidence = (terms.incidence, medium.identity, medium.why, spec.skin.normalise, total)
         if terms.beam != "off":
             medium = skin_medium(spec.skin)
-            wide = gaussians.weight_rgb[gaussians.variance_mm2 >= BEAM_SIGMA_MM**2].sum()
-            beam = (terms.beam, medium.identity, medium.why, float(wide / max(gaussians.weight_rgb.sum(), 1e-12)))
+            lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()  # what is moved has their share
+            beam = (terms.beam, medium.identity, medium.why, lobes)
         if terms.interreflection != "off":
             oil = inputs.decisions.energy_conservation.enabled, spec.specular.model_dump(mode="json")
             interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))

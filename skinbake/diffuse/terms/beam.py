@@ -10,10 +10,12 @@ Upstream is found across the texture where that leads to the place that was mean
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, uv_jacobian
+from skinbake.atlas import AtlasRaster, Tiles, uv_jacobian
 from skinbake.atlas.raster import NO_FACE
 from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits
 from skinbake.irradiance.occluder import Occluder
@@ -29,10 +31,30 @@ from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
-BEAM_SIGMA_MM = 0.4  # lobes from here on blur the light that was shifted; measured on two heads against walks
+NARROWEST_PATHS = 0.4  # free paths: narrower lobes are left alone; of 0.1 to 0.8 nearest to walks in two media
 DROP = 1.0  # of the shift, by which the skin there may lie off the tangent plane
 TURNS = 3  # steps across the texture towards the place
 LOOKED_AT = 24  # one row in so many says how much the shift is worth
+
+
+class BeamLight(NamedTuple):
+    """Light for the wider lobes.
+
+    Attributes
+    ----------
+    rgb : dict of int to ndarray of shape (L, H, W, 3), float32
+        By tile.
+    narrowest_mm2 : float
+        Least variance of the lobes that blur it.
+    """
+
+    rgb: Tiles
+    narrowest_mm2: float
+
+
+def narrowest_mm2(free_path_mm: Float) -> float:
+    """Least variance of lobes that blur shifted light, from the free paths of the channels."""
+    return float((NARROWEST_PATHS * free_path_mm.mean()) ** 2)
 
 
 def has_beam(light: LightSpec) -> bool:
