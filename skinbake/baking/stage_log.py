@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
+from skinbake.errors import printable
 from skinbake.pipeline import Stage
 
 SHORT_S, TELL_S = 2.0, 20.0  # a wait that nobody need be told of; between two lines about a longer one
@@ -117,4 +118,4 @@ class StageLog:
         if self.verbosity >= level:
             from rich.console import Console
 
-            Console(file=sys.stderr, highlight=False, soft_wrap=True).print(text, markup=False)
+            Console(file=sys.stderr, highlight=False, soft_wrap=True).print(printable(text), markup=False)

@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import skinbake
 from skinbake.batch.job import BakeJob, bake_job
 from skinbake.batch.process_pool import ProcessPool
 from skinbake.batch.progress import BatchProgress
-from skinbake.errors import InputError, SkinbakeError
+from skinbake.errors import InputError, SkinbakeError, printable
 from skinbake.io.atomic import write_text
 from skinbake.io.batch_file import Batch, BatchJob
 from skinbake.io.batch_report import NAME, read_batch_report
@@ -111,7 +110,10 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
             for figure in ("hits", "misses")
         },
     }
-    tell = partial(console.print, markup=False, soft_wrap=True)
+
+    def tell(text: str) -> None:
+        console.print(printable(text), markup=False, soft_wrap=True)
+
     with file_lock(plan.batch.folder / ".batch.lock", tell):  # another batch may bake other looks of the file
         report["jobs"] = _entries(plan, results)
         write_text(plan.batch.folder / NAME, json.dumps(report, indent=1) + "\n")
@@ -165,10 +167,10 @@ def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
     text = f"{len(ran) - len(bad)} of {len(ran)} looks in {report['seconds']:.1f} s: {folder / NAME}"
     if hits:
         text += f"; {hits} of {hits + misses} results came from the cache"
-    console.print(text, markup=False, soft_wrap=True)
+    console.print(printable(text), markup=False, soft_wrap=True)
     for entry in bad:
         for line in str(entry.get("error") or entry["status"]).splitlines():
-            print(f"  {entry['name']}: {line}", file=console.file)  # a quiet console would keep it to itself
+            print(printable(f"  {entry['name']}: {line}"), file=console.file)  # a quiet console would keep it to itself
 
 
 def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:

@@ -52,6 +52,7 @@ def command(
     from rich.console import Console
 
     from skinbake.batch.batching import Plan, dry_run_lines, run_batch
+    from skinbake.errors import printable
     from skinbake.io.batch_file import load_batch
     from skinbake.io.cache import cache_folder
 
@@ -70,7 +71,7 @@ def command(
     )
     if dry_run:
         lines, ok = dry_run_lines(plan)
-        print("\n".join(lines))
+        print(printable("\n".join(lines)))
         return 0 if ok else 1
     from sys import stderr
 

@@ -35,6 +35,7 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
 
     from skinbake.atlas.report import refuse_spoilt
     from skinbake.baking.stage_log import StageLog
+    from skinbake.errors import printable
     from skinbake.io.config import load_look
 
     spec = load_look(config, overrides)
@@ -53,7 +54,7 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     if as_json:
         click.echo(json.dumps(report | {"faults": uv.faults}, indent=1))
     elif verbosity:
-        click.echo(readable(report))
+        click.echo(printable(readable(report)))
     refuse_spoilt(uv, spec.mesh.path)
 
 

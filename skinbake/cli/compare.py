@@ -49,7 +49,7 @@ def command(
     Exit codes: 0 same, 1 differs, 2 could not compare.
     """
     from skinbake.compare import Tolerance, compare
-    from skinbake.errors import InputError
+    from skinbake.errors import InputError, printable
     from skinbake.io.output_names import refuse_inputs
     from skinbake.io.pictures import false_colour_sheet, images_of
 
@@ -74,11 +74,11 @@ def command(
         got = next(iter(found.values())).why if found else "none of one name"
         raise InputError(f"{image} and {reference}: expected images of one name and shape, got {got}")
     if not as_json:
-        print(_verdict(found, missing))
+        print(printable(_verdict(found, missing)))
         for name, d in found.items():
-            print(f"{name:<40} rms {d.rms:.3e}  max {d.max_absolute:.3e} ({d.max_relative:.3%})  {d.why}")
+            print(printable(f"{name:<40} rms {d.rms:.3e}  max {d.max_absolute:.3e} ({d.max_relative:.3%})  {d.why}"))
         for name in missing:
-            print(f"{name:<40} only in {image if name in ours else reference}")
+            print(printable(f"{name:<40} only in {image if name in ours else reference}"))
     if picture:
         false_colour_sheet(Path(picture), pairs)
     return 0 if same else 1

@@ -22,7 +22,7 @@ def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, verbos
     Files of an earlier export are replaced; a file that no export has made is never.
     """
     from skinbake.api import open_bake
-    from skinbake.errors import InputError
+    from skinbake.errors import InputError, printable
     from skinbake.export.gltf import NAME, write_gltf
     from skinbake.export.layers import layer_names, write_layers
     from skinbake.export.summed import sum_names, write_sum
@@ -43,4 +43,4 @@ def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, verbos
     if gltf:
         write_gltf(baked, target)
     if verbosity:
-        print("\n".join(str(target / name) for name in names))
+        print(printable("\n".join(str(target / name) for name in names)))

@@ -29,7 +29,7 @@ def command(
 
     With --out writes profile.json, profile.csv and profile.png there.
     """
-    from skinbake.errors import ToleranceMissedError
+    from skinbake.errors import ToleranceMissedError, printable
     from skinbake.io.config import load_skin
     from skinbake.io.output_names import FIT_FILES, refuse_foreign, refuse_inputs
     from skinbake.io.profile import as_json as dump
@@ -48,9 +48,9 @@ def command(
     if as_json:
         click.echo(dump(fit_record(report) | extra), nl=False)
     elif verbosity:
-        click.echo(readable(report, extra))
+        click.echo(printable(readable(report, extra)))
         for path in written:
-            click.echo(f"wrote {path}")
+            click.echo(printable(f"wrote {path}"))
     if not report.tolerance_met:
         raise ToleranceMissedError(
             f"fit.tolerance: no sum of up to 12 Gaussians meets {report.tolerance:g}; the best, of "

@@ -58,7 +58,7 @@ def input_states(manifest: dict[str, Any], spec: SceneSpec) -> dict[str, dict[st
     for role, recorded in manifest["inputs"].items():
         try:
             paths = input_files(spec)[role]
-            now = digest_of(paths)
+            now = digest_of(spec, role, paths)
             state = "as baked" if now == recorded else "changed"
         except (InputError, KeyError):
             paths, state = (), "missing"

@@ -15,7 +15,7 @@ def command(mesh: str, out: str | None, force: bool) -> None:
     """Write a commented look for MESH that bakes as it stands: unit, parts and maps found, three lights placed."""
     from pathlib import Path
 
-    from skinbake.errors import InputError
+    from skinbake.errors import InputError, printable
     from skinbake.io.atomic import write_text
     from skinbake.io.first_look import first_look
 
@@ -25,4 +25,4 @@ def command(mesh: str, out: str | None, force: bool) -> None:
     if look.exists() and look.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{look}: expected a YAML file for --force to write over; choose another --out")
     write_text(look, first_look(path, look))
-    print(f"{look}\nnext: skinbake check {look}, then skinbake bake {look}")
+    print(printable(f"{look}\nnext: skinbake check {look}, then skinbake bake {look}"))

@@ -16,6 +16,7 @@ from skinbake.cli.options import config_argument, force_option, out_option, quie
 def command(config: str, out: str | None, overrides: tuple[str, ...], force: bool, verbosity: int) -> None:
     """Rasterise CONFIG's mesh into UV space, light it, and write irradiance.exr."""
     from skinbake.baking.light_look import light_look
+    from skinbake.errors import printable
     from skinbake.io.config import load_look
 
-    print(light_look(load_look(config, overrides, out), force, verbosity) / "irradiance.exr")
+    print(printable(str(light_look(load_look(config, overrides, out), force, verbosity) / "irradiance.exr")))

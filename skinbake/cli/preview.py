@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from skinbake.cli.options import Output, Within, quiet_option
-from skinbake.errors import InputError
+from skinbake.errors import InputError, printable
 
 
 @click.command("preview")
@@ -118,7 +118,7 @@ def render_still(
         path for path in baked.path.iterdir() if is_output(path.name) and path.name not in (PICTURE, PICTURE_KEY)
     ]
     inputs = [*textures, *every_input(baked.spec)]
-    say = (lambda path: click.echo(str(path), err=True)) if verbosity else None
+    say = (lambda path: click.echo(printable(str(path)), err=True)) if verbosity else None
     with OffscreenRenderer(baked.scene) as renderer:
         return render(
             renderer, baked.spec.preview, Path(out) if out else baked.path, gains=gains, say=say, inputs=inputs, **how

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from skinbake.errors import printable
+
 Step = Callable[[str, float], None]
 
 
@@ -43,7 +45,7 @@ def counted(total: float, name: str, verbosity: int) -> Iterator[Step]:
             done += amount
             left = time_left((time.monotonic() - start) / done * (total - done))
             bar.update(task, completed=done, left=left)
-            console.print(f"[{100 * done / total:3.0f} %] {line}  ({left})", markup=False)
+            console.print(printable(f"[{100 * done / total:3.0f} %] {line}  ({left})"), markup=False)
 
         yield step
 

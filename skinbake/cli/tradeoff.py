@@ -57,6 +57,7 @@ def command(
     import json
     from dataclasses import asdict
 
+    from skinbake.errors import printable
     from skinbake.io.config import load_look
     from skinbake.io.fingerprint import every_input
     from skinbake.io.output_names import refuse_inputs
@@ -77,8 +78,8 @@ def command(
     if as_json:
         click.echo(json.dumps([asdict(row) for row in rows], indent=1, default=list))
     elif verbosity:
-        click.echo("\n".join(advice(rows)))
-        click.echo(f"{folder / 'tradeoff.md'}, .csv and .png: {len(rows)} settings")
+        click.echo(printable("\n".join(advice(rows))))
+        click.echo(printable(f"{folder / 'tradeoff.md'}, .csv and .png: {len(rows)} settings"))
     if stopped:
         click.echo("stopped: what was measured is kept, run again to go on", err=True)
         return 130

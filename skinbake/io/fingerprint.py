@@ -10,7 +10,7 @@ from pathlib import Path
 from skinbake.errors import InputError
 from skinbake.io.digests import key_of, sha256_of
 from skinbake.io.mesh.files import mesh_files
-from skinbake.io.tile_names import tile_files
+from skinbake.io.tile_names import names_tiles, tile_files
 from skinbake.scene.spec import OF_FILE, SceneSpec
 
 
@@ -22,15 +22,12 @@ def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:
     InputError
         A pattern that no file matches.
     """
-    roles: dict[str, str | None] = {"mesh": spec.mesh.path}
-    roles |= {role: chosen.path for role, chosen in spec.maps.files().items()}
+    roles: dict[str, str | None] = {"mesh": spec.mesh.path, **_pictures(spec)}
     spaces = [chosen.color_space for chosen in spec.maps.files().values()]
     spaces += [getattr(light, "color_space", "auto") for light in spec.lights]
     if set(spaces) - {"auto", "srgb", "linear"}:
         config = os.environ.get("OCIO", "")
         roles["ocio"] = config if os.path.isfile(config) else None
-    for light in spec.lights:
-        roles[f"light.{light.name}"] = getattr(light, "path", None)
     roles["skin"] = getattr(spec.skin, "path", None)
     found = {role: tuple(files_named(path)) for role, path in roles.items() if path is not None}
     found["mesh"] = mesh_files(spec.mesh.path)
@@ -63,14 +60,36 @@ def files_named(path: str) -> list[Path]:
     return list(tile_files(path).values())
 
 
-def digest_of(paths: tuple[Path, ...]) -> str:
-    """Digest of one role: of its file, or of its files' names and contents."""
+def _pictures(spec: SceneSpec) -> dict[str, str | None]:
+    """Paths of maps and skies by role: they may name tiles."""
+    skies = {f"light.{light.name}": getattr(light, "path", None) for light in spec.lights}
+    return {role: chosen.path for role, chosen in spec.maps.files().items()} | skies
+
+
+def digest_of(spec: SceneSpec, role: str, paths: tuple[Path, ...]) -> str:
+    """Digest of one role: of its file, of its tiles by their numbers, or of its files by their names.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    role : str
+    paths : tuple of Path
+        The role's, of `input_files`.
+
+    Raises
+    ------
+    InputError
+        A file is missing or cannot be read.
+    """
+    named = _pictures(spec).get(role)
+    if named is not None and names_tiles(named):
+        return key_of([(tile, sha256_of(path)) for tile, path in tile_files(named).items()])
     return sha256_of(paths[0]) if len(paths) == 1 else key_of([(p.name, sha256_of(p)) for p in paths])
 
 
 def input_hashes(spec: SceneSpec) -> dict[str, str]:
     """Digest of each role's file or files."""
-    return {role: digest_of(paths) for role, paths in input_files(spec).items()}
+    return {role: digest_of(spec, role, paths) for role, paths in input_files(spec).items()}
 
 
 def input_stamps(spec: SceneSpec) -> dict[Path, tuple[int, ...] | None]:

@@ -144,7 +144,7 @@ def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> 
         return None
     try:
         return _summary(folder, header, key, tiles, udim)
-    except (LookupError, ValueError, TypeError, AttributeError):  # damaged: as good as missing
+    except (LookupError, ValueError, TypeError, AttributeError, RecursionError):  # damaged: as good as missing
         return None
 
 

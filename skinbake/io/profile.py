@@ -99,15 +99,18 @@ def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
         record = json.loads(Path(path).read_text(encoding="utf-8"))
         if record["key"] != key:
             return None
+        told = [np.array(record[name], np.float64) for name in ("relative_error_rgb", "energy_rgb")]
+        if any(values.shape != (3,) or not np.isfinite(values).all() for values in told):
+            return None
         return GaussianSum(
-            np.array(record["variance_mm2"]),
-            np.array(record["weight_rgb"]),
-            np.array(record["relative_error_rgb"]),
-            np.array(record["energy_rgb"]),
-            record["model"],
-            record["normalise"],
+            np.array(record["variance_mm2"], np.float64),
+            np.array(record["weight_rgb"], np.float64),
+            told[0],
+            told[1],
+            str(record["model"]),
+            str(record["normalise"]),
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None
 
 

@@ -37,9 +37,11 @@ class Decision:
 
         Raises
         ------
-        KeyError
+        KeyError, TypeError
             The mapping is not such a line.
         """
+        if not all(isinstance(record[key], of) for key, of in (("term", str), ("kept", bool), ("why", str))):
+            raise TypeError(f"expected a term, whether it is kept, and why, got {record!r:.100}")
         return Decision(record["term"], record["kept"], record["why"])
 
 

@@ -10,8 +10,17 @@ import pytest
 
 from skinbake.cli import run
 from skinbake.errors import printable
+from skinbake.io.mesh import write_obj
 from tests.conftest import ROOT
+from tests.shapes import quad
 
+SMALL = """\
+mesh: {path: mesh.obj, unit: mm}
+texture: {size: 16}
+skin: {model: gaussians, variance_mm2: [4.0], weight_rgb: [[1, 1, 1]]}
+lights: [{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]
+output: {dir: out}
+"""
 RED = "\x1b[31mred\x1b]0;title\x07\x9b2J\u202etxt"
 
 
@@ -69,3 +78,29 @@ def test_names_that_are_no_utf8_are_told(tmp_path, verb):
     assert done.returncode == 2, said
     assert r"o\udcff" in said
     assert "Traceback" not in said
+
+
+def test_an_output_folder_that_is_no_utf8_is_told_before_anything_is_computed(tmp_path):
+    """The library that writes EXRs would end in a traceback, after minutes."""
+    write_obj(tmp_path / "mesh.obj", quad(240, 200))
+    (tmp_path / "look.yaml").write_text(SMALL)
+    command = [sys.executable, "-m", "skinbake", "bake", "look.yaml", "--no-preview", "--out", b"o\xff"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
+    assert done.returncode == 2, done.stderr
+    assert b"output.dir: expected text in UTF-8" in done.stderr
+    assert sorted(os.listdir(tmp_path)) == ["look.yaml", "mesh.obj"]
+
+
+def test_names_of_parts_and_notes_are_printed_without_their_escapes(tmp_path, capfd):
+    """What a mesh calls its parts: in the report of `check` and in the log of a bake."""
+    write_obj(tmp_path / "mesh.obj", quad(240, 200))
+    text = (tmp_path / "mesh.obj").read_text()
+    (tmp_path / "mesh.obj").write_text(text.replace("f ", f"usemtl {RED.split()[0]}\nf ", 1))
+    (tmp_path / "look.yaml").write_text(SMALL.replace("mesh.obj", "mesh.obj, skin: '*', cast: '*red*'"))
+    run(["check", str(tmp_path / "look.yaml")])
+    run(["bake", str(tmp_path / "look.yaml"), "--no-preview"])
+    found = capfd.readouterr()
+    said = found.out + found.err
+    assert r"\x1b[31mred" in said
+    assert not any(character in said for character in "\x1b\x07\x9b\u202e")

@@ -34,3 +34,18 @@ def test_files_that_a_gltf_names_are_inputs(tmp_path):
         file.write_bytes(bytes(made.data) + b"changed")
         seen.add(input_hashes(spec)["mesh"])
     assert len(seen) == 3
+
+
+def test_tiles_are_told_by_their_number(tmp_path):
+    """A tile that is alone and gets another number is another map; what its file is called besides is not."""
+    (tmp_path / "head.gltf").write_bytes(plain(sphere(100.0, "latlong", 8))[0].gltf())
+    (tmp_path / "look.yaml").write_text(LOOK + "texture: {udim: true}\nmaps: {albedo: 'skin.<UDIM>.png'}\n")
+    (tmp_path / "skin.1001.png").write_bytes(b"picture")
+    spec = load_look(tmp_path / "look.yaml")
+    first = input_hashes(spec)["albedo"]
+    (tmp_path / "skin.1001.png").rename(tmp_path / "skin.1002.png")
+    assert input_hashes(spec)["albedo"] != first
+    (tmp_path / "skin.1002.png").rename(tmp_path / "other.u1_v1.png")
+    text = (tmp_path / "look.yaml").read_text().replace("skin.<UDIM>", "other.<UVTILE>")
+    (tmp_path / "look.yaml").write_text(text)
+    assert input_hashes(load_look(tmp_path / "look.yaml"))["albedo"] == first
