@@ -40,7 +40,7 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
     image, corner_uv = fitted_map(raster, mesh, maps.normal[raster.tile])
     handedness = np.where(signed_uv_area(mesh) < 0, -1.0, 1.0)
     mapped = np.zeros_like(smooth)
-    frame = _TangentFrame(corner_tangents(mesh), handedness)
+    frame = _TangentFrame(mesh.corner_normal, corner_tangents(mesh), handedness)
     tilt = _NormalMap(corner_uv, image, float(maps.normal_strength))
     parallel_for(_tilt, len(mapped), raster.shown, smooth, frame, tilt, mapped)
     return smooth, mapped
@@ -49,12 +49,34 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
 def corner_tangents(mesh: SkinMesh) -> Float:
     """Unit tangent at each corner, shape (F, 3, 3): the direction of growing u, orthogonal to the normal.
 
-    The faces' own Jacobians, averaged by corner angle over the faces that share the vertex and its UV, so that a normal
-    map does not show the triangles; seams and mirrored charts stay apart.
+    MikkTSpace's [Mikkelsen2008], as programs that bake normal maps have it: each face's direction, laid into the plane
+    of the corner's normal, averaged over the faces that share vertex, UV, normal and handedness, weighted by the
+    corner's angle in that plane. Tangents that the file brings go before.
     """
-    p_u = normalized(uv_jacobian(mesh)[:, 0])
+    p, normal = mesh.corner_position_mm, mesh.corner_normal
+
+    def laid(vectors: Float) -> Float:
+        """Directions in the planes of the corners' normals."""
+        return normalized(vectors - normal * (normal * vectors).sum(-1, keepdims=True))
+
+    to_next, to_last = laid(np.roll(p, -1, axis=1) - p), laid(np.roll(p, 1, axis=1) - p)
+    angle = np.arccos(np.clip((to_next * to_last).sum(-1), -1, 1))
+    weighted = laid(np.repeat(uv_jacobian(mesh)[:, :1], 3, axis=1)) * angle[..., None]
+    owner = _sharing(mesh)
+    summed: Float = np.stack([np.bincount(owner, weighted[..., k].ravel()) for k in range(3)], axis=1)
+    summed = summed[owner].reshape(p.shape)
+    if mesh.corner_tangent is not None:
+        given = mesh.corner_tangent
+        usable = np.isfinite(given).all(axis=2, keepdims=True) & given.any(axis=2, keepdims=True)
+        summed = np.asarray(np.where(usable, given, summed), np.float64)
+    return laid(summed)
+
+
+def _sharing(mesh: SkinMesh) -> NDArray[np.int64]:
+    """A number for each corner, (3 F,): the same for those of one vertex, UV, normal and handedness."""
     vertex, count = mesh.faces.ravel(), len(mesh.positions_mm)
-    key = np.column_stack([mesh.corner_uv.reshape(-1, 2), np.repeat(signed_uv_area(mesh) < 0, 3)])
+    mirrored = np.repeat(signed_uv_area(mesh) < 0, 3)
+    key = np.column_stack([mesh.corner_uv.reshape(-1, 2), mesh.corner_normal.reshape(-1, 3), mirrored])
     # Most corners are like the first one of their vertex: only those that are not need sorting
     first = np.zeros(count, np.int64)
     first[vertex[::-1]] = np.arange(len(vertex))[::-1]
@@ -62,13 +84,7 @@ def corner_tangents(mesh: SkinMesh) -> Float:
     owner = vertex.astype(np.int64)
     rows = np.column_stack([owner[apart], key[apart]])
     owner[apart] = count + np.unique(rows, axis=0, return_inverse=True)[1].ravel()
-    p = mesh.corner_position_mm
-    to_next, to_last = normalized(np.roll(p, -1, axis=1) - p), normalized(np.roll(p, 1, axis=1) - p)
-    angle = np.arccos(np.clip((to_next * to_last).sum(-1), -1, 1)).ravel()
-    weighted = np.repeat(p_u, 3, axis=0) * angle[:, None]
-    summed = np.stack([np.bincount(owner, weighted[:, k]) for k in range(3)], axis=1)[owner].reshape(p.shape)
-    normal = mesh.corner_normal
-    return normalized(summed - normal * (normal * summed).sum(-1, keepdims=True))
+    return owner
 
 
 @kernel
@@ -102,12 +118,13 @@ class _TangentFrame(NamedTuple):
 
     Attributes
     ----------
-    corner_tangent : ndarray of shape (F, 3, 3)
-        Of `corner_tangents`.
+    corner_normal, corner_tangent : ndarrays of shape (F, 3, 3)
+        Of the mesh, and of `corner_tangents`.
     handedness : ndarray of shape (F,)
         -1 where the chart is mirrored, else 1.
     """
 
+    corner_normal: Float
     corner_tangent: Float
     handedness: Float
 
@@ -134,7 +151,9 @@ class _NormalMap(NamedTuple):
 def _tilt(
     first: int, stop: int, shown: ShownFaces, smooth: Image, frame: _TangentFrame, tilt: _NormalMap, out: Image
 ) -> None:
-    """Smooth normals tilted by a tangent-space normal map.
+    """Smooth normals tilted by a tangent-space normal map, which was baked for MikkTSpace's frames.
+
+    Those are interpolated as they are, neither made unit nor orthogonal between the corners.
 
     Parameters
     ----------
@@ -161,17 +180,14 @@ def _tilt(
             )
             b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
             tx, ty, tz = facet_point(frame.corner_tangent, f, b1, b2)
-            along = tx * nx + ty * ny + tz * nz
-            tx, ty, tz = tx - along * nx, ty - along * ny, tz - along * nz
-            length = np.sqrt(tx * tx + ty * ty + tz * tz)
             around = place_in_map(tilt.corner_uv, f, b1, b2, image.shape[0], image.shape[1])
             z = bilinear(image, 2, around)
-            if length < 1e-12 or z <= 0.0:  # no frame, or an unpainted texel
+            if tx * tx + ty * ty + tz * tz < 1e-12 or z <= 0.0:  # no frame, or an unpainted texel
                 out[row, col, 0], out[row, col, 1], out[row, col, 2] = nx, ny, nz
                 continue
             x = strength * bilinear(image, 0, around)
             y = strength * bilinear(image, 1, around)
-            tx, ty, tz = tx / length, ty / length, tz / length
+            nx, ny, nz = facet_point(frame.corner_normal, f, b1, b2)
             # Growing v: n x t, turned round where the chart is mirrored
             side = frame.handedness[f]
             bx, by, bz = side * (ny * tz - nz * ty), side * (nz * tx - nx * tz), side * (nx * ty - ny * tx)

@@ -32,6 +32,9 @@ class SkinMesh:
         What each part of the file is called in messages.
     map_uv : ndarray of shape (F, 3, 2), optional
         The file's own UVs, for which maps were painted, where `corner_uv` was made anew.
+    corner_tangent : ndarray of shape (F, 3, 3), optional
+        Tangents that the file brings, along growing u of `map_uv`, or of `corner_uv` where there is no other; zero or
+        not a number where it brings none.
     corner_rgb : ndarray of shape (F, 3, 3), optional
         Linear Rec.709 of coloured vertices; NaN where a triangle has none.
     part_material : tuple of int
@@ -49,6 +52,7 @@ class SkinMesh:
     part: NDArray[np.int32] | None = None
     part_names: tuple[str, ...] = ()
     map_uv: Float | None = None
+    corner_tangent: Float | None = None
     corner_rgb: Float | None = None
     part_material: tuple[int, ...] = ()
     casters: Casters | None = None

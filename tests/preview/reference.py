@@ -45,7 +45,7 @@ def shade(scene, geometry, camera, mode, gains):
 
 def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
     smooth = normalized(normal)
-    n = _mapped(scene.maps, tile, smooth, tangent, uv)
+    n = _mapped(scene.maps, tile, normal, tangent, uv)
     v = normalized(eye - position)
     maps, spec = scene.maps, scene.specular
     m = (
@@ -95,11 +95,11 @@ def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
 
 def _mapped(maps, tile, n, tangent, uv):
     if tile not in maps.normal:
-        return n
+        return normalized(n)
     s = bilinear(maps.normal[tile], uv)
     if maps.normal_space == "object":
         return normalized(s)
-    t = normalized(tangent[:, :3] - n * (n * tangent[:, :3]).sum(1, keepdims=True))
+    t = tangent[:, :3]
     b = np.cross(n, t) * np.sign(tangent[:, 3:])
     k = maps.normal_strength
     return normalized(k * s[:, :1] * t + k * s[:, 1:2] * b + s[:, 2:] * n)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.mesh.gltf_file import GltfFile, as_numbers
-from skinbake.io.mesh.gltf_material import uv_of_material
+from skinbake.io.mesh.gltf_material import tangents_fit, uv_of_material
 from skinbake.io.mesh.raw_mesh import RawMesh, joined, refuse_missing_vertices
 from skinbake.numerics import Float, safe_div
 
@@ -120,10 +120,17 @@ def _part(
     name = f"TEXCOORD_{chosen}"
     uv = read.morphed(name, (2,), weights) @ transform[:2, :2].T + transform[:2, 2] if name in read else None
 
+    tangents = None
+    if normals is not None and "TANGENT" in read and not any(weights) and tangents_fit(material, chosen, transform):
+        tangents = read.numbers("TANGENT", (4,))[:, :3]
+        if len(tangents) != len(positions):
+            raise InputError(f"{file.path}: expected {len(positions)} tangents, one a vertex, got {len(tangents)}")
+
     if "skin" in entry:
-        positions, normals, mirrored = _skinned(file, read, entry["skin"], world, positions, normals)
+        placed = _skinned(file, read, entry["skin"], world, positions, normals, tangents)
     else:
-        positions, normals, mirrored = _placed(file, world[node], positions, normals)
+        placed = _placed(file, world[node], positions, normals, tangents)
+    positions, normals, tangents, mirrored = placed
     faces = _faces(read.indices(len(positions)), primitive.get("mode", TRIANGLES))
     refuse_missing_vertices(file.path, faces, len(positions))
     if mirrored:
@@ -147,6 +154,7 @@ def _part(
         np.zeros(len(faces), np.int32),
         (tuple(dict.fromkeys(names)),),
         mm_per_unit=METRE,
+        corner_tangent=None if tangents is None else tangents[faces],
         corner_rgb=None if rgb is None else rgb[faces],
         material=(int(primitive.get("material", -1)),),
     )
@@ -245,15 +253,16 @@ def strip_faces(index: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _placed(
-    file: GltfFile, transform: Float, positions: Float, normals: Float | None
-) -> tuple[Float, Float | None, bool]:
-    """Vertices in world space, and whether the transform mirrors them."""
+    file: GltfFile, transform: Float, positions: Float, normals: Float | None, tangents: Float | None
+) -> tuple[Float, Float | None, Float | None, bool]:
+    """Vertices, normals and tangents in world space, and whether the transform mirrors them."""
     linear = transform[:3, :3]
     determinant = float(np.linalg.det(linear))
     if not (np.isfinite(transform).all() and np.isfinite(determinant) and determinant):
         raise InputError(f"{file.path}: expected a transform that can be undone, got {linear.tolist()}")
     positions = positions @ linear.T + transform[:3, 3]
-    return positions, None if normals is None else normals @ np.linalg.inv(linear), determinant < 0
+    normals = None if normals is None else normals @ np.linalg.inv(linear)
+    return positions, normals, None if tangents is None else tangents @ linear.T, determinant < 0
 
 
 def _skinned(
@@ -263,8 +272,9 @@ def _skinned(
     world: dict[int, Float],
     positions: Float,
     normals: Float | None,
-) -> tuple[Float, Float | None, bool]:
-    """Vertices where the joints put them: the node's own transform does not count."""
+    tangents: Float | None,
+) -> tuple[Float, Float | None, Float | None, bool]:
+    """Vertices, normals and tangents where the joints put them: the node's own transform does not count."""
     entry = file.item("skins", skin)
     joints = entry["joints"]
     for joint in joints:
@@ -304,7 +314,9 @@ def _skinned(
     turned = np.einsum("vi,vi->v", rows[:, 0], cofactor[:, 0])
     if normals is not None:
         normals = np.einsum("vij,vj->vi", cofactor, normals) * np.sign(turned)[:, None]
-    return _held_together(positions, moved), normals, bool(np.sign(turned).sum() < 0)
+    if tangents is not None:
+        tangents = np.einsum("vij,vj->vi", rows, tangents)
+    return _held_together(positions, moved), normals, tangents, bool(np.sign(turned).sum() < 0)
 
 
 def _held_together(before: Float, after: Float) -> Float:

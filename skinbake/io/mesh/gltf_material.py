@@ -67,6 +67,12 @@ def uv_of_material(material: dict[str, Any], uv_set: int | None) -> tuple[int, F
     return uv_set or 0, np.eye(3)
 
 
+def tangents_fit(material: dict[str, Any], chosen: int, transform: Float) -> bool:
+    """Whether tangents of a file are those of the UVs that were chosen: those of its normal map, not transformed."""
+    of_normals, _ = _uv_of_texture(material.get("normalTexture") or {})
+    return chosen == of_normals and bool((transform == np.eye(3)).all())
+
+
 def read_materials(
     file: GltfFile, indices: Sequence[int], uv_set: int | None, textures: Sequence[str] = TEXTURES
 ) -> tuple[GltfMaterial, ...]:

@@ -53,4 +53,10 @@ def placed(path: Path, raw: RawMesh, mm_per_unit: float | None, up: str | None =
     turn = FRONT[front] @ UP[up or "y"]
     if (turn == np.eye(3)).all():
         return replace(raw, positions=positions, mm_per_unit=mm_per_unit)
-    return replace(raw, positions=positions @ turn.T, corner_normal=raw.corner_normal @ turn.T, mm_per_unit=mm_per_unit)
+    return replace(
+        raw,
+        positions=positions @ turn.T,
+        corner_normal=raw.corner_normal @ turn.T,
+        corner_tangent=None if raw.corner_tangent is None else raw.corner_tangent @ turn.T,
+        mm_per_unit=mm_per_unit,
+    )

@@ -35,6 +35,8 @@ class RawMesh:
         material. May be empty.
     mm_per_unit : float or None
         Where the format or the file says it.
+    corner_tangent : ndarray of shape (F, 3, 3), float64, or None
+        Along growing u; NaN in parts that have none, None where no part has any.
     corner_rgb : ndarray of shape (F, 3, 3), float64, or None
         Linear Rec.709 of coloured vertices; NaN in parts that have none, None where no part has any.
     material : tuple of int
@@ -49,6 +51,7 @@ class RawMesh:
     part: NDArray[np.int32]
     names: tuple[tuple[str, ...], ...]
     mm_per_unit: float | None = None
+    corner_tangent: Float | None = None
     corner_rgb: Float | None = None
     material: tuple[int, ...] = ()
 
@@ -96,13 +99,16 @@ def joined(meshes: Sequence[RawMesh]) -> RawMesh:
         np.concatenate([np.zeros(0, np.int32), *(m.part + np.int32(o) for m, o in zip(meshes, parts, strict=False))]),
         tuple(names for mesh in meshes for names in mesh.names),
         meshes[0].mm_per_unit if meshes else None,
-        _joined_colours(meshes),
+        _joined_corners(meshes, "corner_tangent"),
+        _joined_corners(meshes, "corner_rgb"),
         tuple(index for mesh in meshes for index in mesh.material),
     )
 
 
-def _joined_colours(meshes: Sequence[RawMesh]) -> Float | None:
-    if all(mesh.corner_rgb is None for mesh in meshes):
+def _joined_corners(meshes: Sequence[RawMesh], name: str) -> Float | None:
+    """What only some meshes have at their corners, NaN for the others; None where none has it."""
+    found = [getattr(mesh, name) for mesh in meshes]
+    if all(rows is None for rows in found):
         return None
-    colours = [np.full((len(m.faces), 3, 3), np.nan) if m.corner_rgb is None else m.corner_rgb for m in meshes]
-    return np.concatenate(colours)
+    bare = [np.full((len(mesh.faces), 3, 3), np.nan) for mesh in meshes]
+    return np.concatenate([none if rows is None else rows for rows, none in zip(found, bare, strict=True)])

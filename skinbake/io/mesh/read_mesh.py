@@ -113,6 +113,7 @@ def skin_of(raw: RawMesh, skin: NDArray[np.bool_]) -> SkinMesh:
         normal,
         chosen(raw.part),
         raw.labels,
+        corner_tangent=None if raw.corner_tangent is None else chosen(raw.corner_tangent),
         corner_rgb=None if raw.corner_rgb is None else chosen(raw.corner_rgb),
         part_material=raw.material,
     )

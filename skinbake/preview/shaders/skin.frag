@@ -50,12 +50,12 @@ vec3 shading_normal(vec3 n)
 #ifdef OBJECT_SPACE
     return dot(s, s) > 0.0 ? normalize(s) : n;
 #endif
-    vec3 t = frag_tangent.xyz - n * dot(n, frag_tangent.xyz);
+    vec3 t = frag_tangent.xyz;
     if (dot(t, t) < 1e-12 || s.z <= 0.0)
         return n;
-    t = normalize(t);
-    vec3 b = cross(n, t) * (frag_tangent.w < 0.0 ? -1.0 : 1.0);
-    n = normalize(s.x * normal_strength * t + s.y * normal_strength * b + s.z * n);
+    // MikkTSpace: frames as they are interpolated
+    vec3 b = cross(frag_normal, t) * (frag_tangent.w < 0.0 ? -1.0 : 1.0);
+    n = normalize(s.x * normal_strength * t + s.y * normal_strength * b + s.z * frag_normal);
 #endif
     return n;
 }

@@ -12,7 +12,7 @@ from skinbake.errors import InputError
 from skinbake.io.mesh import mesh_files, read_mesh
 from skinbake.numerics import normalized
 from tests.gltf_files import Gltf, plain, vertices_of
-from tests.shapes import sphere
+from tests.shapes import quad, sphere
 
 HEAD = sphere(100.0, "latlong", 10)
 
@@ -368,3 +368,33 @@ def test_a_byte_order_mark_in_the_json(tmp_path):
     path.write_bytes(b"\xef\xbb\xbf" + plain(HEAD)[0].gltf())
     assert_same(read_mesh(path, 1.0))
     assert json.loads(path.read_bytes().decode("utf-8-sig"))["asset"]["version"] == "2.0"
+
+
+def test_tangents_come_along(tmp_path):
+    """Turned with the node; left out where they belong to other UVs, to a morphed shape, or to no normals."""
+    from skinbake.io.mesh.gltf import read_gltf
+
+    def tangent(spoil=lambda made, primitive: None):
+        made, attributes = plain(quad())
+        attributes["TANGENT"] = made.accessor(np.tile([1.0, 0, 0, 1], (6, 1)))
+        made.tree["nodes"][0]["rotation"] = [0, 0, np.sqrt(0.5), np.sqrt(0.5)]  # x becomes y
+        spoil(made, made.tree["meshes"][0]["primitives"][0])
+        (tmp_path / "a.glb").write_bytes(made.glb())
+        return read_gltf(tmp_path / "a.glb").corner_tangent
+
+    np.testing.assert_allclose(tangent(), np.tile([0, 1, 0], (2, 3, 1)), atol=1e-7)
+    np.testing.assert_allclose(read_mesh(tmp_path / "a.glb", 1.0, front="x", any_size=True).corner_tangent,
+                               np.tile([0, 1, 0], (2, 3, 1)), atol=1e-7)  # fmt: skip
+
+    def other_uvs(made, primitive):
+        texture = {"index": 0, "texCoord": 1}
+        primitive["material"] = made.material(
+            normalTexture=texture, pbrMetallicRoughness={"baseColorTexture": {"index": 0}}
+        )
+
+    def morphed(made, primitive):
+        primitive["targets"] = [{"POSITION": primitive["attributes"]["POSITION"]}]
+        made.tree["meshes"][0]["weights"] = [0.5]
+
+    for spoil in (other_uvs, morphed, lambda made, primitive: primitive["attributes"].pop("NORMAL")):
+        assert tangent(spoil) is None
