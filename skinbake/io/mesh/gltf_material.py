@@ -68,7 +68,17 @@ def uv_of_material(material: dict[str, Any], uv_set: int | None) -> tuple[int, F
 
 
 def tangents_fit(material: dict[str, Any], chosen: int, transform: Float) -> bool:
-    """Whether tangents of a file are those of the UVs that were chosen: those of its normal map, not transformed."""
+    """Whether tangents of a file are those of the UVs that were chosen: those of its normal map, not transformed.
+
+    Parameters
+    ----------
+    material : dict
+        As the file has it.
+    chosen : int
+        UV set.
+    transform : ndarray of shape (3, 3)
+        Of these UVs.
+    """
     of_normals, _ = _uv_of_texture(material.get("normalTexture") or {})
     return chosen == of_normals and bool((transform == np.eye(3)).all())
 
