@@ -98,7 +98,7 @@ def light_entering(
     incidence : Incidence, optional
         Of the medium, unless it is not asked for or there is no medium.
     """
-    slant = slant_of(incidence, _reference(spec, gaussians, incidence)) if incidence else None
+    slant = slant_of(incidence, _reference(spec, gaussians, medium, incidence)) if incidence else None
     names = irradiance[0].lights
     slanted, plan = _decide_incidence(spec, slant, medium.why)
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
@@ -195,13 +195,16 @@ def _decide_beam(
     return shifts, {line.term.removesuffix(".beam") for line in lines if line.enabled}, lines
 
 
-def _reference(spec: SceneSpec, gaussians: GaussianSum, incidence: Incidence) -> Float:
+def _reference(spec: SceneSpec, gaussians: GaussianSum, medium: SkinMedium, incidence: Incidence) -> Float:
     """Share that a factor of 1 stands for.
 
-    A white profile is that of light from everywhere: a constant sky stays what it was. Else what the profile itself
-    says of a beam along the normal.
+    A white profile is that of light from everywhere: a constant sky stays what it was. Else the profile is of a beam
+    along the normal: of its own medium by what it says itself, so that the light is the medium's, of a medium that is
+    only named by what comes back there.
     """
-    return incidence.diffuse_rgb if spec.skin.normalise == "white" else _total(gaussians).astype(np.float64)
+    if spec.skin.normalise == "white":
+        return incidence.diffuse_rgb
+    return incidence.reflectance_rgb[-1] if medium.named else _total(gaussians).astype(np.float64)
 
 
 def _total(gaussians: GaussianSum) -> Image:

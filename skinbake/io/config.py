@@ -293,26 +293,42 @@ def preset_folders(*beside: Path) -> list[Path]:
 
 
 def merge_preset(located: Located, *beside: Path) -> None:
-    """Put the medium that `skin.preset` names under the other keys of `skin`, looked up in `skins/` of each folder.
+    """Put what `skin.preset` names under the other keys of `skin`, and then what `skin.medium.preset` names under its.
+
+    Both are looked up in `skins/` of each folder.
 
     Raises
     ------
     ConfigError
         There is no such preset.
     """
-    skin = located.value.get("skin")
+    for at in (("skin",), ("skin", "medium")):
+        _merge_preset_at(at, located, *beside)
+
+
+def _merge_preset_at(at: tuple[str, ...], located: Located, *beside: Path) -> None:
+    """Put the skin that the mapping at a key names by `preset` under its other keys."""
+    above: Any = located.value
+    for key in at[:-1]:
+        above = above.get(key) if isinstance(above, dict) else None
+    skin = above.get(at[-1]) if isinstance(above, dict) else None
     if not isinstance(skin, dict) or "preset" not in skin:
         return
-    name = skin.pop("preset")
-    place = f"{located.place(('skin', 'preset'))}: skin.preset"
+    name = skin["preset"]
+    place = f"{located.place((*at, 'preset'))}: {'.'.join(at)}.preset"
     folders = [folder for folder in preset_folders(*beside) if folder.is_dir()]
     known = sorted({file.stem for folder in folders for file in folder.glob("*.yaml")})
     if name not in known:
         raise ConfigError([f"{place}: expected one of {', '.join(known)}, got {name!r}"])
     file = next(folder / f"{name}.yaml" for folder in folders if (folder / f"{name}.yaml").is_file())
     preset = read_yaml(file)
-    if "skin" not in preset.value:
-        preset = Located({"skin": preset.value}, {("skin", *key): where for key, where in preset.places.items()})
+    below = 1 if "skin" in preset.value else 0
+    preset = Located(
+        {"skin": preset.value["skin"] if below else preset.value},
+        {("skin", *key[below:]): where for key, where in preset.places.items()},
+    )
     resolve_paths(preset, file.parent)
-    located.value["skin"] = preset.value["skin"] | skin
-    located.places = preset.places | located.places
+    own = {key: value for key, value in skin.items() if key != "preset"}
+    above[at[-1]] = preset.value["skin"] | own
+    kept = {key[1:]: where for key, where in preset.places.items() if key[1:2] not in {(name,) for name in own}}
+    located.places = {(*at, *key): where for key, where in kept.items()} | located.places

@@ -28,7 +28,8 @@ def part_of(located: Located, at: Key) -> Located:
 def lay_over(base: Located, over: Located) -> Located:
     """`over` laid on `base`: mappings are merged key by key, everything else, lists too, is replaced.
 
-    A skin that names another `preset` or `model` replaces the one below it, all but its `fit` and `normalise`.
+    A skin that names another `preset` or `model` replaces the one below it, all but its `fit` and `normalise`; so does
+    its `medium`, all of it.
     """
     places = dict(base.places)
     value = _merged(base.value, over.value, (), places, over)
@@ -47,6 +48,8 @@ def _merged(base: Any, over: Any, at: Key, places: dict[Key, str], source: Locat
     result = dict(base)
     if at == ("skin",) and {"preset", "model"} & set(over):
         result = {key: value for key, value in base.items() if key in _KEPT_OF_A_SKIN}
+    if at == ("skin", "medium") and {"preset", "model"} & set(over):
+        result = {}
     alternatives = _EITHER.get(at, set())
     if alternatives & set(over):
         result = {key: value for key, value in result.items() if key not in alternatives}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,11 +28,14 @@ class SkinMedium:
         What makes RGB of the layers' channels; None where they are R, G and B.
     why : str
         Why there are no layers.
+    named : bool
+        Whether a profile that is not computed from it names this medium: its totals are not the profile's.
     """
 
     layers: tuple[Layer, ...] = ()
     to_rgb: Float | None = None
     why: str = ""
+    named: bool = False
 
     @property
     def identity(self) -> list[Any]:
@@ -66,7 +69,9 @@ def skin_medium(skin: SkinSpec) -> SkinMedium:
         from skinbake.profile.spectrum import WAVELENGTH_NM, reflectance_to_rgb
 
         return SkinMedium(without_empty(physiological_layers(skin, WAVELENGTH_NM)), reflectance_to_rgb())
-    return SkinMedium(why=f"model {skin.model} gives a profile and no medium")
+    if skin.medium is not None:
+        return replace(skin_medium(skin.medium), named=True)
+    return SkinMedium(why=f"model {skin.model} gives a profile, and skin.medium names no medium")
 
 
 def medium_incidence(medium: SkinMedium) -> Incidence:

@@ -141,28 +141,6 @@ class BurleySkin(_Skin):
         return self
 
 
-class GaussiansSkin(_Skin):
-    """Variances and weights as given; fitted again only where `fit` asks for it."""
-
-    model: Literal["gaussians"]
-    variance_mm2: Annotated[tuple[NonNegative, ...], Field(min_length=1)]
-    weight_rgb: Annotated[tuple[tuple[float, float, float], ...], Field(min_length=1)]
-
-    @model_validator(mode="after")
-    def _one_row_each(self) -> GaussiansSkin:
-        if len(self.variance_mm2) != len(self.weight_rgb):
-            got = f"{len(self.weight_rgb)} for {len(self.variance_mm2)}"
-            raise ValueError(f"expected one row of weight_rgb for each variance_mm2, got {got}")
-        return self
-
-
-class TableSkin(_Skin):
-    """A measured or computed profile: CSV with a header r_mm, R, G, B."""
-
-    model: Literal["table"]
-    path: str
-
-
 class PhysiologySkin(_Skin):
     """Skin given by what it is made of; coefficients follow per wavelength and are turned to RGB, theory.md 3.9
     [Donner2006].
@@ -202,6 +180,40 @@ def _with_model(value: Any) -> Any:
             )
         return {**value, "model": models.pop()}
     return value
+
+
+MediumSpec = Annotated[
+    MultipoleSkin | DipoleSkin | TransportSkin | PhysiologySkin,
+    Field(discriminator="model"),
+    BeforeValidator(_with_model),
+]
+
+
+class GaussiansSkin(_Skin):
+    """Variances and weights as given; fitted again only where `fit` asks for it.
+
+    `medium` is what they are of, for terms that a profile does not tell: slanted light, light through thin parts.
+    """
+
+    model: Literal["gaussians"]
+    variance_mm2: Annotated[tuple[NonNegative, ...], Field(min_length=1)]
+    weight_rgb: Annotated[tuple[tuple[float, float, float], ...], Field(min_length=1)]
+    medium: MediumSpec | None = None
+
+    @model_validator(mode="after")
+    def _one_row_each(self) -> GaussiansSkin:
+        if len(self.variance_mm2) != len(self.weight_rgb):
+            got = f"{len(self.weight_rgb)} for {len(self.variance_mm2)}"
+            raise ValueError(f"expected one row of weight_rgb for each variance_mm2, got {got}")
+        return self
+
+
+class TableSkin(_Skin):
+    """A measured or computed profile: CSV with a header r_mm, R, G, B; `medium` as in `GaussiansSkin`."""
+
+    model: Literal["table"]
+    path: str
+    medium: MediumSpec | None = None
 
 
 SkinSpec = Annotated[

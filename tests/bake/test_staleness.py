@@ -78,6 +78,7 @@ PLAIN = {
 }
 LAYER = {"sigma_a_per_mm": [0.1, 0.2, 0.3], "sigma_sp_per_mm": [2.0, 2.5, 3.0], "thickness_mm": 0.3, "g": 0.1}
 DEEP = LAYER | {"thickness_mm": float("inf")}
+MEDIUM = {"model": "dipole", "sigma_a_per_mm": [0.1, 0.2, 0.3], "sigma_sp_per_mm": [2, 3, 4], "eta": 1.0}
 
 
 def plain(**parts):
@@ -115,7 +116,9 @@ BASES = {
     "burley": plain(skin={"model": "burley", "d_mm": [1.0, 0.5, 0.3], "fit": {"gaussians": 2}}),
     "burley path": plain(skin={"model": "burley", "mean_free_path_mm": [1.0, 0.5, 0.3], "albedo_rgb": [0.8, 0.5, 0.4],
                                "fit": {"gaussians": 2}}),
-    "table": plain(skin={"model": "table", "path": "table.csv", "fit": {"gaussians": 2}}),
+    "table": plain(skin={"model": "table", "path": "table.csv", "fit": {"gaussians": 2}, "medium": MEDIUM},
+                   terms=PLAIN["terms"] | {"incidence": "on"}),
+    "medium": plain(skin=PLAIN["skin"] | {"medium": MEDIUM}, terms=PLAIN["terms"] | {"incidence": "on"}),
     "transport": plain(skin={"model": "transport", "layers": [DEEP], "photons": 1000,
                              "fit": {"gaussians": 2}}),
     "physiology": plain(skin={"model": "physiology", "melanin": 0.02, "fit": {"gaussians": 2}}),
@@ -190,6 +193,8 @@ CHANGES = {
     "burley": [{"skin.d_mm": [1.0, 0.4, 0.3]}],
     "burley path": [{"skin.mean_free_path_mm": [1.0, 0.4, 0.3], "skin.mean_free_path": "surface",
                      "skin.albedo_rgb": [0.7, 0.5, 0.4]}],
+    "table": [{"skin.medium": MEDIUM | {"sigma_a_per_mm": [0.3, 0.2, 0.1]}}],
+    "medium": [{"skin.medium": MEDIUM | {"sigma_a_per_mm": [0.3, 0.2, 0.1]}}],
     "transport": [LAYERED | {"skin.photons": 1500, "skin.seed": 1, "skin.layers.0.thickness_mm": 2.0}],
     "physiology": [{"skin.melanin": 0.1, "skin.eumelanin": 0.5, "skin.haemoglobin": 0.01,
                           "skin.oxygenation": 0.5, "skin.epidermis_mm": 0.1, "skin.eta": 1.3,
@@ -425,8 +430,9 @@ def leaves(model, prefix=""):
     """
     for name, field in model.model_fields.items():
         inner = list(dict.fromkeys(_models(field.annotation)))
-        if not inner:
+        if not inner or name == "medium":  # its keys are those of a skin, and are read as such
             yield f"{prefix}{name}"
+            continue
         common = set.intersection(*(set(one.model_fields) for one in inner)) - KINDS if len(inner) > 1 else set()
         for one in inner:
             for key in leaves(one):

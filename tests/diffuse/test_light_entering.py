@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -210,3 +212,13 @@ def test_a_medium_of_several_layers_has_no_one_free_path():
     got = entering(quad(), [sun(0.5)], {"beam": "on"}, medium=layers)[0]
     assert got.beam is None
     assert "several layers" in got.plan[1].why
+
+
+def test_a_medium_that_is_only_named_gives_its_slant_and_not_its_total():
+    """Light along the normal stays what the profile says, though its total is another than the medium's."""
+    weight = np.array([1.0, 0.5, 0.2])
+    named = replace(MEDIUM, named=True)
+    got, arrived, _ = entering(
+        quad(), [sun(1.0)], {"incidence": "on"}, weight=weight, medium=named, skin={"normalise": "none"}
+    )
+    np.testing.assert_allclose(got.rgb[1001], arrived.rgb * np.array(ALBEDO, np.float32), rtol=1e-5)

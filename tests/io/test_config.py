@@ -215,6 +215,25 @@ def test_presets_are_looked_up_by_name_and_can_be_changed(look):
     assert "jensen-skin1" in found[0]
 
 
+def test_gaussians_may_name_their_medium(look):
+    """By a preset too, below the keys of their own; another skin's medium does not stay; what is none is refused."""
+    head, tail = LOOK.split("skin:\n")[0], "lights:" + LOOK.split("lights:")[1]
+    six = "skin: {preset: gpugems3-six-gaussians%s}\n"
+    spec = read(look(head + six % "" + tail))
+    assert spec.skin.medium.model == "multipole"
+    assert len(spec.skin.medium.layers) == 3
+    skin1 = ", medium: {preset: jensen-skin1, eta: 1.4}"
+    medium = read(look(head + six % skin1 + tail)).skin.medium
+    assert (medium.model, medium.eta, medium.sigma_a_per_mm) == ("dipole", 1.4, (0.032, 0.17, 0.48))
+    assert read(look(head + six % ", medium: null" + tail)).skin.medium is None
+    found = faults(look(head + six % ", medium: {preset: jensen-skin9}" + tail))
+    assert found[0].startswith("look.yaml:2: skin.medium.preset: expected one of")
+    found = faults(look(head + six % ", medium: {model: gaussians}" + tail))
+    assert "skin.medium.model: expected one of multipole, dipole, transport, physiology, got gaussians" in found[0]
+    found = faults(look(head + "skin: {preset: jensen-skin1, medium: {preset: jensen-skin1}}\n" + tail))
+    assert "skin.medium: does not belong here" in found[0]
+
+
 def test_a_file_with_nothing_but_a_skin_will_do_where_only_skin_is_needed(look):
     """`profile` and `fit` take a whole look or just a skin."""
     text = "model: gaussians\nvariance_mm2: [1.0]\nweight_rgb: [[1, 1, 1]]\n"

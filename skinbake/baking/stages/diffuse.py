@@ -82,7 +82,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         incidence = beam = interreflection = None
         if terms.incidence != "off":
             medium = skin_medium(spec.skin)
-            incidence = (terms.incidence, medium.identity, medium.why, spec.skin.normalise, total)
+            incidence = (terms.incidence, medium.identity, medium.why, medium.named, spec.skin.normalise, total)
         if terms.beam != "off":
             medium = skin_medium(spec.skin)
             lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()  # what is moved has their share

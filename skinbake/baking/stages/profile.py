@@ -30,7 +30,7 @@ class ProfileStage(Stage[FitReport, GaussianSum]):
     def key(self) -> str:
         """Digest of the skin's keys and its table; given Gaussians are fitted again only where `fit` is written."""
         skin = self._inputs.spec.skin
-        written = (skin.model_dump(mode="json", exclude={"path"}), "fit" in skin.model_fields_set)
+        written = (skin.model_dump(mode="json", exclude={"path", "medium"}), "fit" in skin.model_fields_set)
         return key_of(code_digest(*CODE), written, self._inputs.digests.get("skin"))
 
     def load(self) -> GaussianSum | None:
