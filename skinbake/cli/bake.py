@@ -35,16 +35,29 @@ def command(
     cache: str | None,
     as_json: bool,
     verbosity: int,
-) -> None:
-    """Bake CONFIG: profile, irradiance, diffusion, measured error, preview."""
+) -> int:
+    """Bake CONFIG: profile, irradiance, diffusion, measured error, preview.
+
+    Of a sequence (`frames:`) every frame, each into a folder of its own, as `skinbake batch` does.
+    """
     from skinbake.baking.bake_look import bake_look
     from skinbake.baking.session import BakeSession
     from skinbake.io.cache import DEFAULT_LIMIT_BYTES, cache_folder
-    from skinbake.io.config import load_look
+    from skinbake.io.config import frames_of, load_look
 
+    if len(frames_of(config, overrides)) > 1:
+        from skinbake.cli import batch
+
+        return int(
+            click.get_current_context().invoke(
+                batch.command, file=config, out=out, overrides=overrides, force=force, cache=cache, preview=preview,
+                as_json=as_json, verbosity=verbosity,
+            )
+        )  # fmt: skip
     look = load_look(config, overrides, out)
     folder = cache_folder(cache)
     session = BakeSession.of(str(folder) if folder else None, DEFAULT_LIMIT_BYTES, keep=False)
     manifest = bake_look(look, force, preview, verbosity, session)
     if as_json:
         print(json.dumps(manifest, indent=1, default=str))
+    return 0

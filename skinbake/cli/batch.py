@@ -44,7 +44,9 @@ def command(
     as_json: bool,
     verbosity: int,
 ) -> int:
-    """Bake every look of FILE, each into its own folder; what several share is computed once.
+    """Bake every look of FILE, or every frame of the look that it is, each into its own folder.
+
+    What several share is computed once.
 
     Writes batch.json and batch.png beside them. Exit code 1 if a look failed or missed its tolerance.
     """

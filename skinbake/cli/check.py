@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skinbake.scene.spec import SceneSpec
 
 PICTURE = "uv_check.png"
+LISTED = 12  # frames in a message
 LARGEST_TEXTURE = 16384  # that is proposed
 _SMALLEST = 15  # times that a texture is halved, at most
 
@@ -38,8 +39,9 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     from skinbake.errors import printable
     from skinbake.io.config import load_look
 
-    spec = load_look(config, overrides)
+    spec = load_look(config, overrides, first_frame=True)
     report, pictures, uv = examine(spec, StageLog(verbosity).waiting)
+    report["notes"] += _frames(config, overrides)
     if out is not None:
         from skinbake.io.fingerprint import every_input
         from skinbake.io.output_names import refuse_inputs
@@ -56,6 +58,21 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     elif verbosity:
         click.echo(printable(readable(report)))
     refuse_spoilt(uv, spec.mesh.path)
+
+
+def _frames(config: str, overrides: tuple[str, ...]) -> list[str]:
+    """Which frame of a sequence was looked at, and of which there are no files."""
+    from skinbake.io.config import frames_of, load_frames
+    from skinbake.io.fingerprint import every_input
+
+    if len(frames_of(config, overrides)) < 2:
+        return []
+    _, looks = load_frames(config, overrides)
+    first, *others = looks
+    bare = [number for number in others if not all(path.exists() for path in every_input(looks[number]))]
+    shown = ", ".join(map(str, bare[:LISTED])) + (f" and {len(bare) - LISTED} more" if len(bare) > LISTED else "")
+    missing = f"; files are missing of {shown}" if bare else ""
+    return [f"frames: {len(looks)}, this is what frame {first} would be{missing}"]
 
 
 def examine(spec: SceneSpec, waiting: Waiting | None = None) -> tuple[dict[str, Any], list[tuple[int, Any]], UvReport]:

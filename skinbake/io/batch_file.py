@@ -9,7 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from skinbake.errors import ConfigError, InputError
-from skinbake.io.config import apply_overrides, merge_preset, parse_look, put, resolve_paths
+from skinbake.io.config import (
+    apply_overrides,
+    frame_name,
+    frames_of,
+    load_frames,
+    merge_preset,
+    parse_look,
+    put,
+    resolve_paths,
+)
 from skinbake.io.merge import lay_over, part_of
 from skinbake.io.yaml_lines import Located, read_yaml
 from skinbake.scene.batch import BatchSpec, PlannedJob, expand
@@ -71,7 +80,10 @@ def load_batch(
     path = Path(path)
     located = read_yaml(path)
     if "mesh" in located.value and not set(BatchSpec.model_fields) & set(located.value):
-        raise ConfigError([located.say((), "expected defaults, jobs or a matrix, this is a look: use `skinbake bake`")])
+        if frames_of(path, overrides):
+            return _sequence(path, overrides, out, only)
+        told = "expected defaults, jobs, a matrix or frames, this is a look: use `skinbake bake`"
+        raise ConfigError([located.say((), told)])
     _name_with_text(located.value)
     spec = parse(BatchSpec, located.value, located.say)
     folder = Path(out).absolute() if out is not None else None
@@ -85,6 +97,8 @@ def load_batch(
         try:
             look = _look(located, plan, path.absolute().parent, overrides if wanted else (), folder)
             folder = folder or Path(look.output.dir)
+            if look.frames:
+                raise ConfigError(["frames: expected in a look of its own, for `skinbake batch`, got in a batch file"])
             inside = look.output.model_copy(update={"dir": str(folder / plan.name)})
             jobs.append(BatchJob(plan.name, look.model_copy(update={"output": inside}), plan.choices, wanted))
         except ConfigError as error:
@@ -93,6 +107,20 @@ def load_batch(
     if faults:
         raise ConfigError([f"{fault} ({_in_jobs(names)})" for fault, names in faults.items()])
     assert folder is not None
+    return Batch(path, folder, tuple(jobs))
+
+
+def _sequence(path: Path, overrides: Sequence[str], out: Path | str | None, only: Sequence[str]) -> Batch:
+    """The frames of a look, a job each."""
+    folder, looks = load_frames(path, overrides, out)
+    names = [frame_name(number) for number in looks]
+    for pattern in only:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            raise InputError(f"--only {pattern}: expected one of {', '.join(names)}")
+    jobs = [
+        BatchJob(name, look, {}, not only or any(fnmatchcase(name, pattern) for pattern in only))
+        for name, look in zip(names, looks.values(), strict=True)
+    ]
     return Batch(path, folder, tuple(jobs))
 
 

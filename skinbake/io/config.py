@@ -13,6 +13,7 @@ from skinbake.io.fingerprint import files_named
 from skinbake.io.output_names import is_output, refuse_inputs
 from skinbake.io.yaml_lines import Key, Located, dotted, parse_value, read_yaml
 from skinbake.scene.batch import BatchSpec
+from skinbake.scene.frames import frame_numbers
 from skinbake.scene.parse import parse, unknown_keys
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import DIFFUSION_METHODS, OF_FILE, SceneSpec
@@ -20,11 +21,16 @@ from skinbake.scene.spec import DIFFUSION_METHODS, OF_FILE, SceneSpec
 _PATH_KEYS = re.compile(
     r"mesh\.path|mesh\.opacity(\..+)?|occluders\[\d+\]\.(path|opacity)|maps\.(?!source$|vertex_colors$)\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"
 )
+_FRAME = re.compile(r"#{2,}|%0\d+d|%d")
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}")
 
 
 def load_look(
-    path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None, files: bool = True
+    path: Path | str,
+    overrides: Sequence[str] = (),
+    out: Path | str | None = None,
+    files: bool = True,
+    first_frame: bool = False,
 ) -> SceneSpec:
     """Read a look, apply `--set` overrides (`dotted.key=value`) and `--out`, and check it.
 
@@ -35,15 +41,24 @@ def load_look(
     ----------
     files : bool
         Refuse a look whose mesh, maps, sky or table is missing: here the line and the key are known.
+    first_frame : bool
+        Of a look of several frames take the first; otherwise it is refused.
 
     Raises
     ------
     InputError, ConfigError
         With a line for each fault.
     """
-    located = _prepared(path, overrides)
-    if out is not None:
-        put(located, "output.dir", str(Path(out).absolute()), "--out")
+    located = _prepared_for(path, overrides, out)
+    numbers = _frames(located)
+    if numbers is not None:
+        if len(numbers) > 1 and not first_frame:
+            expected = (
+                f"expected one frame here, got {len(numbers)}: `skinbake bake` and `skinbake batch` bake them all,"
+                f" --set frames={numbers[0]} chooses one"
+            )
+            raise ConfigError([located.say(("frames",), expected)])
+        located = _at_frame(located, numbers[0])
     look = parse_look(located)
     beside = Path(look.output.dir) / Path(path).name
     if is_output(beside.name):
@@ -52,6 +67,99 @@ def load_look(
         _refuse_missing(located)
         _refuse_unknown_color_spaces(located)
     return look
+
+
+def frames_of(path: Path | str, overrides: Sequence[str] = ()) -> tuple[int, ...]:
+    """Frames of a look; empty where it is no sequence.
+
+    Raises
+    ------
+    InputError, ConfigError
+        It cannot be read, or its frames are none.
+    """
+    located = read_yaml(path)
+    chosen = [text for text in overrides if text.partition("=")[0].strip() == "frames"]
+    apply_overrides(located, chosen)
+    return _frames(located) or ()
+
+
+def load_frames(
+    path: Path | str, overrides: Sequence[str] = (), out: Path | str | None = None
+) -> tuple[Path, dict[int, SceneSpec]]:
+    """The folder of a sequence, and its looks by their frame, each with a folder in it.
+
+    Parameters
+    ----------
+    path : path
+        Of a look with `frames`.
+    overrides, out
+        As of `load_look`.
+
+    Raises
+    ------
+    InputError, ConfigError
+        With a line for each fault; missing files are for whoever reads them.
+    """
+    located = _prepared_for(path, overrides, out)
+    looks = {number: parse_look(_at_frame(located, number)) for number in _frames(located) or ()}
+    _refuse_unknown_color_spaces(located)
+    return Path(located.value["output"]["dir"]), looks
+
+
+def frame_name(number: int) -> str:
+    """Name of a frame's folder."""
+    return f"{number:04d}"
+
+
+def _prepared_for(path: Path | str, overrides: Sequence[str], out: Path | str | None) -> Located:
+    """YAML of a look with its overrides and its folder."""
+    located = _prepared(path, overrides)
+    if out is not None:
+        put(located, "output.dir", str(Path(out).absolute()), "--out")
+    return located
+
+
+def _frames(located: Located) -> tuple[int, ...] | None:
+    """Frames that a look gives, or None."""
+    given = located.value.get("frames")
+    if given is None:
+        return None
+    try:
+        return frame_numbers(given)
+    except ValueError as error:
+        got = "" if "got" in str(error) else f", got {given!r}"
+        raise ConfigError([located.say(("frames",), f"{error}{got}")]) from error
+
+
+def _at_frame(located: Located, number: int) -> Located:
+    """The look of one frame: the number in its paths, a folder of its own."""
+    changed = False
+
+    def visit(value: Any, key: Key) -> Any:
+        """The value with the number in every input's path below it."""
+        nonlocal changed
+        if isinstance(value, dict):
+            return {k: visit(v, (*key, k)) for k, v in value.items()}
+        if isinstance(value, list):
+            return [visit(v, (*key, i)) for i, v in enumerate(value)]
+        if not _is_path(value, key) or key[0] == "output":
+            return value
+        named = _FRAME.sub(lambda mark: str(number).zfill(_digits(mark[0])), value)
+        changed = changed or named != value
+        return named
+
+    found = {key: visit(value, (key,)) for key, value in located.value.items() if key != "frames"}
+    if not changed:
+        raise ConfigError([located.say(("frames",), "expected #### or %04d in the path of a file, got none")])
+    output = found.get("output")
+    if isinstance(output, dict) and isinstance(output.get("dir"), str):
+        found["output"] = output | {"dir": str(Path(output["dir"], frame_name(number)))}
+    return Located(found, located.places)
+
+
+def _digits(mark: str) -> int:
+    """Least digits of a mark: as many as it has signs, or as it says."""
+    return len(mark) if mark[0] == "#" else int(mark[1:-1] or 1)
 
 
 def load_skin(path: Path | str, overrides: Sequence[str] = ()) -> SkinSpec:

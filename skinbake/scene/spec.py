@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from skinbake.scene.frames import frame_numbers
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.strict import Fraction, NonNegative, Positive, Strict
@@ -323,7 +324,10 @@ class PreviewSpec(Strict):
 
 
 class SceneSpec(Strict):
-    """One look: everything that a bake is made from."""
+    """One look: everything that a bake is made from.
+
+    `frames` bakes it once for each number, which stands for #### and %04d in its paths; a look that is baked has none.
+    """
 
     mesh: MeshSpec
     occluders: tuple[OccluderSpec, ...] = ()
@@ -338,6 +342,7 @@ class SceneSpec(Strict):
     terms: TermsSpec = TermsSpec()
     output: OutputSpec
     preview: PreviewSpec = PreviewSpec()
+    frames: Annotated[tuple[int, ...], BeforeValidator(frame_numbers)] | None = None
 
     @model_validator(mode="after")
     def _albedo(self) -> SceneSpec:

@@ -170,7 +170,7 @@ def test_names_must_differ_and_there_must_be_some(batch):
     assert "jobs[0].name: missing" in faults(batch(head + "jobs: [{texture: {size: 8}}]\n"))[0]
     with pytest.raises(InputError, match="expected a configuration file"):
         load_batch("none.yaml")
-    assert "expected defaults, jobs or a matrix, this is a look: use `skinbake bake`" in faults(batch(LOOK))[0]
+    assert "expected defaults, jobs, a matrix or frames, this is a look: use `skinbake bake`" in faults(batch(LOOK))[0]
 
 
 def test_the_project_s_batch_is_valid():
