@@ -101,19 +101,6 @@ def test_numba_s_and_llvm_s_insides_are_known_in_one_folder():
 
 
 STILL_LONG = (
-    "diffuse/surface_space/clusters.py:_first_level",
-    "diffuse/surface_space/gather.py:_gather",
-    "diffuse/surface_space/gather.py:_begin_near_tile",
-    "diffuse/surface_space/gather.py:_take_near",
-    "diffuse/surface_space/gather.py:_gather_batch",
-    "diffuse/surface_space/points.py:_points",
-    "diffuse/surface_space/points.py:_extend",
-    "diffuse/surface_space/points.py:_continue_plane",
-    "diffuse/surface_space/reference_integral.py:_integrate",
-    "diffuse/surface_space/sources.py:_walk",
-    "diffuse/surface_space/sources.py:_write",
-    "diffuse/surface_space/sources.py:near_boxes",
-    "diffuse/surface_space/upsample.py:_least_sigma",
     "diffuse/terms/beam.py:_read_upstream",
     "diffuse/terms/beam.py:_aim_upstream",
     "diffuse/terms/interreflection.py:_aim",

@@ -14,7 +14,6 @@ stochastic scaling would, but then M would no longer be the integral that the er
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -52,7 +51,7 @@ class Surface(DiffusionMethod):
             if coarse is not None:
                 least_sigma = resources.least_sigma(level)[tile]
                 left = interpolate_smooth(coarse[tile], points.row, least_sigma, float(np.sqrt(variance)), image)
-                points = replace(points, row=left)
+                points = points._replace(row=left)
             gather(points, sources, variance, resources.rule, image.reshape(resources.lights, -1, 3))
             tiles[tile] = image
         return tiles

@@ -7,8 +7,8 @@ adapts to the local stretch by itself, and costs one pass over the texels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,8 @@ _MIN_ALIGNMENT2 = MIN_ALIGNMENT**2
 _MOMENTS = 8  # area, centroid x y z, spread, normal x y z
 
 
-@dataclass(frozen=True)
-class MomentPyramid:
-    """Blocks of 2, 4, ... 64 texels a side of one tile, one level after another, each in raster order.
+class MomentPyramid(NamedTuple):
+    """Blocks of 2, 4, ... 64 texels a side of one tile, level after level in raster order; kernels take it as it is.
 
     Attributes
     ----------
@@ -49,6 +48,7 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> Momen
 
     Parameters
     ----------
+    points : TexelPoints
     radiosity : ndarray of shape (L, H * W, 3), float32
         By flat texel; C = 3 L.
     """
@@ -61,9 +61,7 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> Momen
         (moments[a:b].reshape(*size, -1), means[a:b].reshape(*size, -1))
         for a, b, size in zip(start[:-1], start[1:], sizes, strict=True)
     ]
-    parallel_for(
-        _first_level, sizes[0][0], points.row, points.position, points.normal, points.area_mm2, radiosity, *views[0]
-    )
+    parallel_for(_first_level, sizes[0][0], points, radiosity, *views[0])
     for fine, coarse in pairwise(views):
         parallel_for(_next_level, len(coarse[0]), *fine, *coarse)
     return MomentPyramid(moments, means, start[:-1], np.array([w for _, w in sizes]))
@@ -83,14 +81,25 @@ def contrast(points: TexelPoints, pyramid: MomentPyramid) -> NDArray[np.float32]
     Found for blocks of 2 x 2 texels, which is as fine as it need be.
     """
     blocks = np.empty(pyramid.start[1], np.float32)
-    parallel_for(_contrast, len(blocks), pyramid.moments, pyramid.radiosity, pyramid.start, pyramid.width, blocks)
+    parallel_for(_contrast, len(blocks), pyramid, blocks)
     changes = np.empty(len(points.flat_index), np.float32)
     parallel_for(_of_texels, len(changes), points.flat_index, points.row.shape[1], blocks, pyramid.width[0], changes)
     return changes
 
 
 @kernel
-def _contrast(first, stop, moments, radiosity, start, width, changes):  # type: ignore[no-untyped-def]
+def _contrast(first, stop, pyramid, changes):  # type: ignore[no-untyped-def]
+    """`contrast` of blocks of 2 x 2 texels.
+
+    Parameters
+    ----------
+    first, stop : int
+        Blocks.
+    pyramid : MomentPyramid
+    changes : ndarray of shape (blocks,), float32
+        Written.
+    """
+    moments, radiosity, start, width = pyramid.moments, pyramid.radiosity, pyramid.start, pyramid.width
     faint = np.float32(1e-12)
     for k in range(first, stop):
         changes[k] = 0
@@ -122,6 +131,21 @@ def _sum(values):  # type: ignore[no-untyped-def]
 
 @kernel
 def _of_texels(first, stop, flat_index, columns, blocks, width, changes):  # type: ignore[no-untyped-def]
+    """Give texels the values of their blocks of 2 x 2.
+
+    Parameters
+    ----------
+    first, stop : int
+        Points.
+    flat_index : ndarray of shape (T,), int32
+    columns : int
+        Texels in a row.
+    blocks : ndarray, float32
+    width : int
+        Blocks in a row.
+    changes : ndarray of shape (T,), float32
+        Written.
+    """
     for k in range(first, stop):
         row, col = flat_index[k] // columns, flat_index[k] % columns
         changes[k] = blocks[(row >> 1) * width + (col >> 1)]
@@ -146,6 +170,7 @@ def bending(pyramid: MomentPyramid) -> NDArray[np.float32]:
 
 @kernel
 def _bending(first, stop, area, light, width, bend):  # type: ignore[no-untyped-def]
+    """`bending` of the blocks `first` to `stop` of one level, `width` of them in a row; `bend` is zero before."""
     for k in range(first, stop):
         if area[k] <= 0:
             continue
@@ -161,7 +186,21 @@ def _bending(first, stop, area, light, width, bend):  # type: ignore[no-untyped-
 
 
 @kernel
-def _first_level(first, stop, row_of, position, normal, area, radiosity, out, mean):  # type: ignore[no-untyped-def]
+def _first_level(first, stop, points, radiosity, out, mean):  # type: ignore[no-untyped-def]
+    """Moments and mean radiosity of blocks of 2 x 2 texels.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows of blocks.
+    points : TexelPoints
+    radiosity : ndarray of shape (L, H * W, 3), float32
+    out : ndarray of shape (h, w, 8), float32
+        Written where there is skin; zero before.
+    mean : ndarray of shape (h, w, 3 L), float32
+        The same.
+    """
+    row_of, position, normal, area = points.row, points.position, points.normal, points.area_mm2
     height, width = row_of.shape
     for i in range(first, stop):
         for j in range(out.shape[1]):
@@ -194,6 +233,17 @@ def _first_level(first, stop, row_of, position, normal, area, radiosity, out, me
 
 @kernel
 def _next_level(first, stop, fine, fine_mean, out, mean):  # type: ignore[no-untyped-def]
+    """Moments and mean radiosity of blocks, from those of the four blocks that each is made of.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows of blocks.
+    fine, fine_mean : ndarrays of shape (2 h, 2 w, 8), (2 h, 2 w, 3 L), float32
+        May lack a last row or column.
+    out, mean : ndarrays of shape (h, w, 8), (h, w, 3 L), float32
+        Written where there is skin; zero before.
+    """
     height, width = fine.shape[:2]
     for i in range(first, stop):
         for j in range(out.shape[1]):
@@ -225,6 +275,7 @@ def _next_level(first, stop, fine, fine_mean, out, mean):  # type: ignore[no-unt
 
 @kernel(inline=True)
 def _divide(moments, mean, total):  # type: ignore[no-untyped-def]
+    """Divide a block's sums by its area, which becomes the first of its moments."""
     moments[0] = total
     for axis in range(3):
         moments[1 + axis] /= total

@@ -22,6 +22,7 @@ from skinbake.diffuse.surface_space.sources import (
     NARROWING,
     NORMAL,
     STACK,
+    Search,
     SourceTree,
     near_boxes,
     near_sources,
@@ -45,7 +46,7 @@ from skinbake.kernels.simd import (
     sum_of_lanes,
 )
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import even_stride
+from skinbake.numerics import Float, even_stride
 
 CUT_ERROR = 0.1  # measured: normalised sums cut at k sigma are wrong by this exp(-k^2 / 2), rms of hard-lit skin
 _CUT_SHARE = 0.1  # of the tolerance
@@ -103,6 +104,10 @@ def gather(
     points : TexelPoints
         Targets. Where their texels are coarser than the lobe, v_t is widened so that their lattice still spreads light
         by `variance_mm2` (`lattice_variance`).
+    tree : SourceTree
+        Sources.
+    variance_mm2 : float
+        Of the lobe.
     rule : SumRule
     out : ndarray of shape (L, H * W, 3), float32
         Left as it was where there is no target, or nothing near one.
@@ -113,48 +118,117 @@ def gather(
     """
     strips = -(-points.row.shape[0] // _TILE)
     density = 0.0 if rule.normalise else 1 / (2 * np.pi * variance_mm2)
-    parallel_for(
-        _gather, strips,
-        strips, even_stride(strips), points.row, points.flat_index, points.position, points.normal, points.texel_mm2,
-        tree.leaf, tree.box, tree.first_group, variance_mm2, lattice_table(), np.float32(rule.cut),
-        rule.separate, np.float32(_TINY * (tree.largest or 1.0)), np.float32(density), first_light,
-        np.empty((0, 0), np.uint8) if share is None else share, out,
-    )  # fmt: skip
+    faint = np.float32(_TINY * (tree.largest or 1.0))
+    sums = _Sums(
+        variance_mm2, lattice_table(), np.float32(rule.cut), rule.separate, faint, np.float32(density), first_light
+    )
+    target = _Target(np.empty((0, 0), np.uint8) if share is None else share, out)
+    parallel_for(_gather, strips, _Strips(strips, even_stride(strips)), points, tree.arrays, sums, target)
+
+
+class _Strips(NamedTuple):
+    """Strips of `_TILE` rows: k `stride` mod `total` is the k-th one."""
+
+    total: int
+    stride: int
+
+
+class _Sums(NamedTuple):
+    """The sums of one lobe.
+
+    Attributes
+    ----------
+    variance_mm2 : float
+    table : tuple of two ndarrays
+        `lattice_table()`.
+    cut : float32
+        Sigmas.
+    separate : bool
+        Whether `pair_weight` keeps pairs apart.
+    faint : float32
+        A sum of weights that counts as nothing.
+    density : float32
+        1 / (2 pi v) where sums are not normalised, else 0.
+    first_light : int
+        First of the tree's lights that is summed.
+    """
+
+    variance_mm2: float
+    table: tuple[Float, Float]
+    cut: np.float32
+    separate: bool
+    faint: np.float32
+    density: np.float32
+    first_light: int
+
+
+class _Target(NamedTuple):
+    """What is written, and how much it counts there; as in `gather`, `share` of size 0 for all of it."""
+
+    share: NDArray[np.uint8]
+    out: NDArray[np.float32]
+
+
+class _Room(NamedTuple):
+    """Work space of one thread.
+
+    Attributes
+    ----------
+    lanes : ndarray, float32
+        Rows of sixteen: see `_NORMAL`, `_RATE`, `_SUMS`.
+    low, high : ndarrays of shape (3,), float32
+        Corners of a box.
+    search : Search
+    begin : ndarray, int64
+        Groups at which the searches of a tile begin.
+    members, batch : ndarrays, int64
+        Targets of a square, and of a batch.
+    """
+
+    lanes: NDArray[np.float32]
+    low: NDArray[np.float32]
+    high: NDArray[np.float32]
+    search: Search
+    begin: NDArray[np.int64]
+    members: NDArray[np.int64]
+    batch: NDArray[np.int64]
 
 
 @kernel
-def _gather(  # type: ignore[no-untyped-def]
-    first, stop, strips, stride, row_of, flat_index, position, normal, texel_mm2, leaf, box, first_group,
-    variance_mm2, table, cut, separate, faint, density, first_light, share, out,
-):  # fmt: skip
-    height, width = row_of.shape
-    leaves, boxes = leaf.reshape(-1), box.reshape(-1)
+def _gather(first, stop, strips, points, tree, sums, target):  # type: ignore[no-untyped-def]
+    """`gather` of some strips.
+
+    Parameters
+    ----------
+    first, stop : int
+        Strips.
+    strips : _Strips
+    points : TexelPoints
+    tree : TreeArrays
+    sums : _Sums
+    target : _Target
+        Written.
+    """
+    height, width = points.row.shape
     for strip in range(first, stop):
-        lanes = np.empty((_SUMS + 1 + 3 * len(out)) * LANES, np.float32)
+        lanes = np.empty((_SUMS + 1 + 3 * len(target.out)) * LANES, np.float32)
         low, high = np.empty(3, np.float32), np.empty(3, np.float32)
-        stack, found = np.empty(STACK, np.int64), np.empty(len(leaf), np.int64)
+        search = Search(np.empty(STACK, np.int64), np.empty(len(tree.leaf), np.int64))
         members, batch = np.empty(_SQUARE * _SQUARE, np.int64), np.empty(LANES, np.int64)
-        begin = np.empty(STACK // 2, np.int64)
-        top = (strip * stride) % strips * _TILE
-        for tile in range(0, width, _TILE):
-            begins = _begin_near_tile(
-                row_of, share, top, tile, position, texel_mm2, boxes, first_group, variance_mm2,
-                table, cut, low, high, stack, found, begin,
-            )  # fmt: skip
+        room = _Room(lanes, low, high, search, np.empty(STACK // 2, np.int64), members, batch)
+        top = (strip * strips.stride) % strips.total * _TILE
+        for left in range(0, width, _TILE):
+            begins = _begin_near_tile(points, target.share, (top, left), tree, sums, room)
             if begins == 0:
                 continue
             for row in range(top, min(top + _TILE, height), _SQUARE):
-                for col in range(tile, min(tile + _TILE, width), _SQUARE):
-                    taken, count = 0, _members_of(row_of, share, row, col, members)
+                for col in range(left, min(left + _TILE, width), _SQUARE):
+                    taken, count = 0, _members_of(points.row, target.share, row, col, members)
                     while taken < count:
-                        taken = _take_near(members, taken, count, position, texel_mm2, variance_mm2, cut, batch)
+                        taken = _take_near(room, taken, count, points, sums)
                         for i in range(begins):
-                            stack[i] = begin[i]
-                        _gather_batch(
-                            batch, flat_index, position, normal, texel_mm2, leaves, leaf.shape[1] * LANES, boxes,
-                            first_group, variance_mm2, table, cut, separate, faint, density, first_light, share, lanes,
-                            low, high, stack, begins, found, out,
-                        )  # fmt: skip
+                            search.stack[i] = room.begin[i]
+                        _gather_batch(points, tree, sums, room, begins, target)
 
 
 @kernel(inline=True)
@@ -173,11 +247,34 @@ def _members_of(row_of, share, top, left, members):  # type: ignore[no-untyped-d
 
 
 @kernel(inner=True)
-def _begin_near_tile(  # type: ignore[no-untyped-def]
-    row_of, share, top, left, position, texel_mm2, boxes, first_group, variance_mm2, table, cut, low, high, stack,
-    found, begin,
-):  # fmt: skip
-    """Where the search of all of a tile's batches begins: groups near the tile, the root if these are too many."""
+def _begin_near_tile(points, share, corner, tree, sums, room):  # type: ignore[no-untyped-def]
+    """Where the search of all of a tile's batches begins: groups near the tile, the root if these are too many.
+
+    Parameters
+    ----------
+    points : TexelPoints
+    share : ndarray of shape (H, W) or (0, 0), uint8
+    corner : tuple of two ints
+        First row and column of the tile.
+    tree : TreeArrays
+    sums : _Sums
+    room : _Room
+        Its `begin` is written.
+
+    Returns
+    -------
+    int
+        How many groups; 0 where the tile has no target.
+    """
+    top, left = corner
+    row_of, position, texel_mm2, low, high, begin = (
+        points.row,
+        points.position,
+        points.texel_mm2,
+        room.low,
+        room.high,
+        room.begin,
+    )
     for axis in range(3):
         low[axis], high[axis] = np.inf, -np.inf
     widest = np.float32(-1)
@@ -190,24 +287,35 @@ def _begin_near_tile(  # type: ignore[no-untyped-def]
                     low[axis], high[axis] = min(low[axis], position[k, axis]), max(high[axis], position[k, axis])
     if low[0] > high[0]:
         return 0
-    root = tree_node(0, len(first_group) - 1)
-    if len(first_group) > 1:
-        reach = cut * np.sqrt(np.float32(lattice_variance(variance_mm2, widest, table)))
-        stack[0] = root
-        count = near_boxes(low, high, reach * reach, boxes, first_group, stack, _ONE, GROUPS, found)
+    root = tree_node(0, len(tree.first_group) - 1)
+    if len(tree.first_group) > 1:
+        reach = sums.cut * np.sqrt(np.float32(lattice_variance(sums.variance_mm2, widest, sums.table)))
+        room.search.stack[0] = root
+        count = near_boxes(low, high, reach * reach, tree, room.search, _ONE, GROUPS)
         if count <= len(begin):
             for i in range(count):
-                begin[i] = tree_node(found[i], 0)
+                begin[i] = tree_node(room.search.found[i], 0)
             return count
     begin[0] = root
     return 1
 
 
 @kernel(inline=True)
-def _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, batch):  # type: ignore[no-untyped-def]
-    """Move what lies near the first member left into the batch, which repeats its last; the first member left then."""
+def _take_near(room, first, count, points, sums):  # type: ignore[no-untyped-def]
+    """Move what lies near the first member left into the batch, which repeats its last; the first member left then.
+
+    Parameters
+    ----------
+    room : _Room
+    first, count : int
+        First member left, and members in all.
+    points : TexelPoints
+    sums : _Sums
+    """
+    members, batch, position = room.members, room.batch, points.position
     seed = members[first]
-    reach = cut * np.float32(np.sqrt(variance_mm2)) + np.float32(2 * _BLOCK) * np.sqrt(max(texel_mm2[seed], _ZERO))
+    texel_mm2 = max(points.texel_mm2[seed], _ZERO)
+    reach = sums.cut * np.float32(np.sqrt(sums.variance_mm2)) + np.float32(2 * _BLOCK) * np.sqrt(texel_mm2)
     taken, here = 0, first
     while here < count and taken < LANES:
         k = members[here]
@@ -227,10 +335,25 @@ def _take_near(members, first, count, position, texel_mm2, variance_mm2, cut, ba
 
 
 @kernel(inline=True)
-def _gather_batch(  # type: ignore[no-untyped-def]
-    batch, flat_index, position, normal, texel_mm2, leaves, size, boxes, first_group, variance_mm2, table, cut,
-    separate, faint, density, first_light, share, lanes, low, high, stack, begins, found, out,
-):  # fmt: skip
+def _gather_batch(points, tree, sums, room, begins, target):  # type: ignore[no-untyped-def]
+    """Sum up the light at the targets of a batch, and write it.
+
+    Parameters
+    ----------
+    points : TexelPoints
+    tree : TreeArrays
+    sums : _Sums
+    room : _Room
+        With the batch, and the groups to begin from on the stack.
+    begins : int
+        How many groups.
+    target : _Target
+    """
+    batch, lanes, low, high, found = room.batch, room.lanes, room.low, room.high, room.search.found
+    position, normal, texel_mm2 = points.position, points.normal, points.texel_mm2
+    leaves, size = tree.leaves, tree.leaf.shape[1] * LANES
+    variance_mm2, table, density, first_light = sums.variance_mm2, sums.table, sums.density, sums.first_light
+    share, out = target.share, target.out
     further = 3 * len(out) - 3  # channels beyond the first light's
     first_row = LIGHT + 3 * first_light
     widest = 0.0
@@ -241,7 +364,7 @@ def _gather_batch(  # type: ignore[no-untyped-def]
         for axis in range(3):
             lanes[axis * LANES + t], lanes[(_NORMAL + axis) * LANES + t] = position[k, axis], normal[k, axis]
         lanes[_RATE * LANES + t] = -1 / (64 * variance)
-    radius = cut * np.float32(np.sqrt(widest))
+    radius = sums.cut * np.float32(np.sqrt(widest))
     x, y, z, rate = load(lanes, 0), load(lanes, LANES), load(lanes, 2 * LANES), load(lanes, _RATE * LANES)
     nx, ny, nz = load(lanes, _NORMAL * LANES), load(lanes, (_NORMAL + 1) * LANES), load(lanes, (_NORMAL + 2) * LANES)
 
@@ -263,7 +386,7 @@ def _gather_batch(  # type: ignore[no-untyped-def]
     red, green, blue = broadcast(_ZERO), broadcast(_ZERO), broadcast(_ZERO)
     for c in range(further):
         store(lanes, (_SUMS + 4 + c) * LANES, total)
-    count = near_boxes(low, high, radius * radius, boxes, first_group, stack, begins, LEAVES, found)
+    count = near_boxes(low, high, radius * radius, tree, room.search, begins, LEAVES)
     for i in range(count):
         ahead = found[min(i + _AHEAD, count - 1)] * size
         for row in range(first_row + 3):
@@ -272,7 +395,7 @@ def _gather_batch(  # type: ignore[no-untyped-def]
         bits = near_sources(leaves, base, low, high, radius * radius) & sources_around(
             leaves, base, cx, cy, cz, within * within
         )
-        opposite = opposite_sources(leaves, base, ax, ay, az, sine) if separate else 0
+        opposite = opposite_sources(leaves, base, ax, ay, az, sine) if sums.separate else 0
         while bits != 0:
             bit = lowest_bit(bits)
             bits &= bits - 1
@@ -317,11 +440,11 @@ def _gather_batch(  # type: ignore[no-untyped-def]
         weight = lanes[_SUMS * LANES + t]
         if density > 0:
             factor = density * np.float32(lattice_gain(variance_mm2, texel_mm2[batch[t]], table))
-        elif weight > faint:
+        elif weight > sums.faint:
             factor = np.float32(1) / weight
         else:
             continue
-        texel = flat_index[batch[t]]
+        texel = points.flat_index[batch[t]]
         counts = np.float32(1)
         if len(share):
             counts = np.float32(share[texel // share.shape[1], texel % share.shape[1]]) / np.float32(255)

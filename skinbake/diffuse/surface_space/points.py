@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, Tiled, first_fundamental_form, signed_uv_area, tile_origin
+from skinbake.atlas.coverage import RasterArrays
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
@@ -16,9 +17,8 @@ from skinbake.scene.mesh import SkinMesh
 MAX_BEYOND_TEXELS = 1.5  # bilinear reading at a chart's border looks one texel beyond it
 
 
-@dataclass(frozen=True)
-class TexelPoints:
-    """Addressed texels of one tile, in raster order.
+class TexelPoints(NamedTuple):
+    """Addressed texels of one tile, in raster order; kernels take it as it is.
 
     Attributes
     ----------
@@ -46,7 +46,15 @@ class TexelPoints:
 
 
 def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> TexelPoints:
-    """Points of a raster's addressed texels."""
+    """Points of a raster's addressed texels.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    mesh : SkinMesh
+    centre_mm : ndarray of shape (3,)
+        What positions are relative to.
+    """
     height, width = raster.shape
     face_mm2 = _face_texel_mm2(raster, mesh)
     shorter_mm2 = np.minimum(_smaller_stretch2(mesh, width, height), face_mm2)
@@ -57,14 +65,12 @@ def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> Texel
     position, normal = np.empty((count, 3), dtype=np.float32), np.empty((count, 3), dtype=np.float32)
     area, texel_mm2 = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     widest = np.zeros(height, dtype=np.float32)  # texel of each row that has skin
-    parallel_for(
-        _points, height,
-        raster.face_index, raster.barycentric, raster.area_mm2, raster.coverage,
-        mesh.corner_position_mm - centre_mm, mesh.corner_normal, shorter_mm2, np.cumsum(per_row) - per_row,
-        row, flat, position, normal, area, texel_mm2, widest,
-    )  # fmt: skip
+    out = TexelPoints(row, flat, position, normal, area, texel_mm2)
+    faces = _Faces(mesh.corner_position_mm - centre_mm, mesh.corner_normal, shorter_mm2)
+    start = np.cumsum(per_row) - per_row
+    parallel_for(_points, height, _raster_arrays(raster), faces, start, out, widest)
     np.minimum(texel_mm2, widest.max(initial=0.0), out=texel_mm2)
-    return TexelPoints(row, flat, position, normal, area, texel_mm2)
+    return out
 
 
 def extended_points(points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> TexelPoints:
@@ -77,6 +83,10 @@ def extended_points(points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, ce
     ----------
     points : TexelPoints
         `texel_points` of the raster.
+    raster : AtlasRaster
+    mesh : SkinMesh
+    centre_mm : ndarray of shape (3,)
+        What positions are relative to.
     """
     height, width = raster.shape
     u0, v0 = tile_origin(raster.tile)
@@ -84,18 +94,20 @@ def extended_points(points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, ce
     corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
     corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
     position = points.position.copy()
-    parallel_for(
-        _extend, len(position),
-        points.flat_index, raster.face_index, raster.barycentric, raster.coverage, corner_xy,
-        mesh.corner_position_mm - centre_mm, _face_texel_mm2(raster, mesh), MAX_BEYOND_TEXELS, position,
-    )  # fmt: skip
-    return replace(points, position=position)
+    planes = _Planes(corner_xy, mesh.corner_position_mm - centre_mm, _face_texel_mm2(raster, mesh))
+    parallel_for(_extend, len(position), points.flat_index, _raster_arrays(raster), planes, MAX_BEYOND_TEXELS, position)
+    return points._replace(position=position)
 
 
 def mean_texel_mm2(points: Tiled[TexelPoints]) -> float:
     """Skin area over the number of texels that show it, mm^2."""
     area = sum(float(p.area_mm2.sum(dtype=np.float64)) for p in points.values())
     return area / max(1, sum(int(np.count_nonzero(p.area_mm2)) for p in points.values()))
+
+
+def _raster_arrays(raster: AtlasRaster) -> RasterArrays:
+    """A raster as kernels take it."""
+    return RasterArrays(raster.face_index, raster.barycentric, raster.coverage, raster.area_mm2)
 
 
 def _face_texel_mm2(raster: AtlasRaster, mesh: SkinMesh) -> Float:
@@ -110,11 +122,64 @@ def _smaller_stretch2(mesh: SkinMesh, width: int, height: int) -> Float:
     return 0.5 * (e + h - np.hypot(e - h, 2 * f))
 
 
+class _Faces(NamedTuple):
+    """The mesh's faces as `_points` takes them.
+
+    Attributes
+    ----------
+    corner_mm, corner_normal : ndarrays of shape (F, 3, 3)
+    shorter_mm2 : ndarray of shape (F,)
+        Square of a texel's shorter length on the skin.
+    """
+
+    corner_mm: Float
+    corner_normal: Float
+    shorter_mm2: Float
+
+
+class _Planes(NamedTuple):
+    """Planes of the mesh's faces, on the texture and in space.
+
+    Attributes
+    ----------
+    corner_xy : ndarray of shape (F, 3, 2)
+        Texels, x to the right, y down.
+    corner_mm : ndarray of shape (F, 3, 3)
+    face_mm2 : ndarray of shape (F,)
+        Skin in a texel of each face.
+    """
+
+    corner_xy: Float
+    corner_mm: Float
+    face_mm2: Float
+
+
 @kernel
-def _points(  # type: ignore[no-untyped-def]
-    first, stop, face_index, barycentric, area_mm2, coverage, corner_mm, corner_normal, shorter_mm2, start, row_out,
-    flat, position, normal, area, texel_mm2, widest,
-):  # fmt: skip
+def _points(first, stop, raster, faces, start, out, widest):  # type: ignore[no-untyped-def]
+    """Fill the points of rows of texels.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    raster : RasterArrays
+    faces : _Faces
+    start : ndarray of shape (H,)
+        First point of each row.
+    out : TexelPoints
+        Written.
+    widest : ndarray of shape (H,), float32
+        Written: largest `texel_mm2` of a texel of the row that has skin.
+    """
+    face_index, barycentric, area_mm2, coverage = (
+        raster.face_index,
+        raster.barycentric,
+        raster.area_mm2,
+        raster.coverage,
+    )
+    corner_mm, corner_normal, shorter_mm2 = faces.corner_mm, faces.corner_normal, faces.shorter_mm2
+    flat, position, normal, area, texel_mm2 = out.flat_index, out.position, out.normal, out.area_mm2, out.texel_mm2
+    row_out = out.row
     width = face_index.shape[1]
     for row in range(first, stop):
         n = start[row]
@@ -147,9 +212,23 @@ def _points(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _extend(  # type: ignore[no-untyped-def]
-    first, stop, flat_index, face_index, barycentric, coverage, corner_xy, corner_mm, face_mm2, beyond, position
-):
+def _extend(first, stop, flat_index, raster, planes, beyond, position):  # type: ignore[no-untyped-def]
+    """Move the points whose texel's centre lies beside its chart.
+
+    Parameters
+    ----------
+    first, stop : int
+        Points.
+    flat_index : ndarray of shape (T,), int32
+    raster : RasterArrays
+    planes : _Planes
+    beyond : float
+        Texels by which a plane is continued at most.
+    position : ndarray of shape (T, 3), float32
+        Changed in place.
+    """
+    face_index, barycentric, coverage = raster.face_index, raster.barycentric, raster.coverage
+    corner_xy = planes.corner_xy
     width = face_index.shape[1]
     for n in range(first, stop):
         row, col = flat_index[n] // width, flat_index[n] % width
@@ -163,12 +242,26 @@ def _extend(  # type: ignore[no-untyped-def]
         dy = row + 0.5 - (b0 * corner_xy[f, 0, 1] + b1 * corner_xy[f, 1, 1] + b2 * corner_xy[f, 2, 1])
         away = np.sqrt(dx * dx + dy * dy)
         if away > 1e-3:
-            _continue_plane(corner_xy[f], corner_mm[f], dx, dy, away, beyond, face_mm2[f], position[n])
+            _continue_plane(planes, f, (dx, dy, away), beyond, position[n])
 
 
 @kernel(inner=True)
-def _continue_plane(xy, mm, dx, dy, away, beyond, mm2, position):  # type: ignore[no-untyped-def]
-    """Move a position by the face's affine map of a step of (dx, dy) texels, as far as its mean texel lets it."""
+def _continue_plane(planes, f, way, beyond, position):  # type: ignore[no-untyped-def]
+    """Move a position by the face's affine map of a step of texels, as far as its mean texel lets it.
+
+    Parameters
+    ----------
+    planes : _Planes
+    f : int
+        Face.
+    way : tuple of three floats
+        Step along x and y, and its length, texels.
+    beyond : float
+    position : ndarray of shape (3,), float32
+        Changed in place.
+    """
+    xy, mm, mm2 = planes.corner_xy[f], planes.corner_mm[f], planes.face_mm2[f]
+    dx, dy, away = way
     e1x, e1y = xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]
     e2x, e2y = xy[2, 0] - xy[0, 0], xy[2, 1] - xy[0, 1]
     twice_area = e1x * e2y - e1y * e2x

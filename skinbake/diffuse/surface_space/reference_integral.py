@@ -7,6 +7,8 @@ what is being approximated, and the tree of texels, which only finds neighbours.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,7 @@ from skinbake.diffuse.surface_space.sources import (
     LIGHT,
     NORMAL,
     STACK,
+    Search,
     SourceTree,
     near_boxes,
     opposite_sources,
@@ -59,20 +62,27 @@ def reference_integral(
         Area of a texel at each point.
     variance_mm2 : float
         Greater than 0.
+    separate : bool
+        Whether `pair_weight` keeps pairs apart; else it is 1.
+    normalise : bool
+        Whether to divide by the sum of the weights; else by that of a plane.
 
     Returns
     -------
     ndarray of shape (P, C), float64
+
+    Raises
+    ------
+    ValueError
+        If the variance is not above 0.
     """
     if not variance_mm2 > 0:
         raise ValueError(f"reference_integral: expected a variance > 0, got {variance_mm2}")
     out = np.zeros((len(position), texels.leaf.shape[1] - LIGHT))
     order = _spatial_order(position)
-    parallel_for(
-        _integrate, len(order),
-        order, position, normal, at_texel_mm2, float(variance_mm2), lattice_table(), CUT_SIGMA, texels.leaf,
-        texels.box, texels.first_group, separate, normalise, out,
-    )  # fmt: skip
+    probes = _Probes(order, position, normal, at_texel_mm2)
+    rule = _Rule(float(variance_mm2), lattice_table(), CUT_SIGMA, separate, normalise)
+    parallel_for(_integrate, len(order), probes, texels.arrays, rule, out)
     return out
 
 
@@ -92,23 +102,73 @@ def _spatial_order(position: NDArray[np.float32]) -> NDArray[np.int64]:
     return np.concatenate([order[start : start + _PIECE] for start in turns]) if pieces else order
 
 
+class _Probes(NamedTuple):
+    """Points at which the integral is taken.
+
+    Attributes
+    ----------
+    order : ndarray of shape (P,), int64
+        In which they are taken.
+    position, normal : ndarrays of shape (P, 3), float32
+    texel_mm2 : ndarray of shape (P,), float32
+    """
+
+    order: NDArray[np.int64]
+    position: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    texel_mm2: NDArray[np.float32]
+
+
+class _Rule(NamedTuple):
+    """The integral of one Gaussian.
+
+    Attributes
+    ----------
+    variance_mm2 : float
+    table : tuple of two ndarrays
+        `lattice_table()`.
+    cut : float
+        Sigmas.
+    separate, normalise : bool
+        As in `reference_integral`.
+    """
+
+    variance_mm2: float
+    table: tuple[Float, Float]
+    cut: float
+    separate: bool
+    normalise: bool
+
+
 @kernel
-def _integrate(  # type: ignore[no-untyped-def]
-    first, stop, order, position, normal, at_texel_mm2, variance_mm2, table, cut, leaf, box, first_group, separate,
-    normalise, out,
-):  # fmt: skip
-    boxes = box.reshape(-1)
+def _integrate(first, stop, probes, tree, rule, out):  # type: ignore[no-untyped-def]
+    """`reference_integral` at some points.
+
+    Parameters
+    ----------
+    first, stop : int
+        Places in `probes.order`.
+    probes : _Probes
+    tree : TreeArrays
+    rule : _Rule
+    out : ndarray of shape (P, C)
+        Written.
+    """
+    order, position, normal, at_texel_mm2 = probes.order, probes.position, probes.normal, probes.texel_mm2
+    variance_mm2, table, cut = rule.variance_mm2, rule.table, rule.cut
+    separate, normalise, leaf = rule.separate, rule.normalise, tree.leaf
     for n in range(first, stop):
         p = order[n]
-        stack, found = np.empty(STACK, np.int64), np.empty(len(leaf), np.int64)
+        search = Search(np.empty(STACK, np.int64), np.empty(len(leaf), np.int64))
         weight, sums, at = np.empty((_LEAVES, LANES)), np.zeros((1 + out.shape[1], LANES)), position[p]
         variance = lattice_variance(variance_mm2, at_texel_mm2[p], table)
         radius2 = cut * cut * variance
-        stack[0] = tree_node(0, len(first_group) - 1)
+        search.stack[0] = tree_node(0, len(tree.first_group) - 1)
         within2 = np.float32(radius2 * _ROUNDING)
-        count = near_boxes(at, at, within2, boxes, first_group, stack, _ONE, LEAVES, found)
+        count = near_boxes(at, at, within2, tree, search, _ONE, LEAVES)
         for some in range(0, count, _LEAVES):
-            near = found[some : min(some + _LEAVES, count)]
+            near = search.found[some : min(some + _LEAVES, count)]
+            # Squared distances, then weights in their place
             _distances2(near, leaf, np.float64(at[0]), np.float64(at[1]), np.float64(at[2]), weight)
             _gaussians(weight.reshape(-1), 1 / (2 * variance), radius2)
             if separate:
@@ -128,6 +188,18 @@ def _integrate(  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def _distances2(near, leaf, x, y, z, distance2):  # type: ignore[no-untyped-def]
+    """Squared distances of leaves' sources from a point, mm^2; infinite in the rows of `distance2` beyond them.
+
+    Parameters
+    ----------
+    near : ndarray of shape (n,), int64
+        Leaves.
+    leaf : ndarray of shape (N, 8 + C, 16), float32
+    x, y, z : float
+        The point, mm.
+    distance2 : ndarray of shape (at least n, 16)
+        Written.
+    """
     leaves, rows = leaf.reshape(-1), leaf.shape[1]
     for i in range(len(near)):
         at = leaf[near[i]]
@@ -153,6 +225,18 @@ def _sum(sums, row):  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def _keep_apart(near, leaf, at, normal, weight):  # type: ignore[no-untyped-def]
+    """Multiply the weights of leaves' sources by `pair_weight`.
+
+    Parameters
+    ----------
+    near : ndarray of shape (n,), int64
+        Leaves.
+    leaf : ndarray of shape (N, 8 + C, 16), float32
+    at, normal : ndarrays of shape (3,), float32
+        The point and its unit normal.
+    weight : ndarray of shape (at least n, 16)
+        Changed in place.
+    """
     nx, ny, nz = np.float64(normal[0]), np.float64(normal[1]), np.float64(normal[2])
     leaves, size = leaf.reshape(-1), leaf.shape[1] * LANES
     for i in range(len(near)):

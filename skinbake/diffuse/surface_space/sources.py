@@ -11,6 +11,7 @@ deep as it must.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,43 @@ class SourceTree:
     box: NDArray[np.float32]
     first_group: NDArray[np.int64]
 
+    @property
+    def arrays(self) -> TreeArrays:
+        """The tree for kernels."""
+        return TreeArrays(self.leaf, self.leaf.reshape(-1), self.box.reshape(-1), self.first_group)
+
+
+class TreeArrays(NamedTuple):
+    """A `SourceTree` as kernels take it.
+
+    Attributes
+    ----------
+    leaf : ndarray of shape (N, 8 + C, 16), float32
+    leaves, boxes : ndarrays, float32
+        All of `leaf` and of `box`, flat.
+    first_group : ndarray of shape (levels,), int64
+    """
+
+    leaf: NDArray[np.float32]
+    leaves: NDArray[np.float32]
+    boxes: NDArray[np.float32]
+    first_group: NDArray[np.int64]
+
+
+class Search(NamedTuple):
+    """Work space of `near_boxes`.
+
+    Attributes
+    ----------
+    stack : ndarray of shape (STACK,), int64
+        Begins with the groups to begin from: `tree_node`s.
+    found : ndarray of shape (N,), int64
+        The boxes found.
+    """
+
+    stack: NDArray[np.int64]
+    found: NDArray[np.int64]
+
 
 def source_tree(
     lit: Tiled[LitTile],
@@ -71,19 +109,16 @@ def source_tree(
     max_spread_mm2 : float
         Below 0 every texel stays by itself.
     variance_mm2 : float
-        Of the lobe: a cluster spreads by its own spread s^2 less than that. `NARROWING` is v / (v - s^2), `AMPLITUDE`
-        the area times that.
+        v of the lobe: a cluster spreads by its own spread s^2 less. `NARROWING` is v / (v - s^2), `AMPLITUDE` the area
+        times that.
     """
     walks = []
     for points, light, pyramid in lit.values():
         rows, cols = _roots(points.row.shape)
         order = np.empty((len(rows), 4**LEVELS), np.int32)
         count = np.empty((len(rows), 2), np.int64)
-        parallel_for(
-            _walk, len(rows),
-            rows, cols, points.row, points.position, points.area_mm2, pyramid.moments, pyramid.start, pyramid.width,
-            np.float32(max_spread_mm2), order, count,
-        )  # fmt: skip
+        roots, found = _Roots(rows, cols), _Walked(order, count)
+        parallel_for(_walk, len(rows), roots, points, pyramid, np.float32(max_spread_mm2), found)
         walks.append((points, light, pyramid, order, count))
     total = np.cumsum(np.concatenate([count for *_, count in walks]), axis=0)
     sources, leaves = (int(n) for n in total[-1])
@@ -91,11 +126,8 @@ def source_tree(
     done = 0
     for points, light, pyramid, order, count in walks:
         begin = (total[done : done + len(count)] - count)[:, 1]
-        parallel_for(
-            _write, len(order),
-            order, begin, count[:, 0], points.flat_index, points.position, points.normal, points.area_mm2, light,
-            pyramid.moments, pyramid.radiosity, np.float32(variance_mm2), leaf, box,
-        )  # fmt: skip
+        found, out = _Walked(order, count), _Leaves(begin, leaf, box)
+        parallel_for(_write, len(order), found, points, light, (pyramid, np.float32(variance_mm2)), out)
         done += len(count)
     levels = [box]
     while len(levels[-1]) > 1:
@@ -128,6 +160,15 @@ def _no_boxes(count: int) -> NDArray[np.float32]:
 
 @kernel
 def _enclose(first, stop, child, parent):  # type: ignore[no-untyped-def]
+    """Boxes around groups of sixteen boxes.
+
+    Parameters
+    ----------
+    first, stop : int
+        Groups.
+    child, parent : ndarrays of shape (groups, 6, 16), float32
+        A box of `parent`, written, encloses the sixteen of a group of `child`.
+    """
     for k in range(first, stop):
         for axis in range(3):
             low, high = _NOWHERE, -_NOWHERE
@@ -136,11 +177,63 @@ def _enclose(first, stop, child, parent):  # type: ignore[no-untyped-def]
             parent[k // LANES, axis, k % LANES], parent[k // LANES, 3 + axis, k % LANES] = low, high
 
 
+class _Roots(NamedTuple):
+    """First row and column of each root block, in Morton order."""
+
+    rows: NDArray[np.int64]
+    cols: NDArray[np.int64]
+
+
+class _Walked(NamedTuple):
+    """What `_walk` finds of each root block.
+
+    Attributes
+    ----------
+    order : ndarray of shape (roots, 64 * 64), int32
+        Sources in Morton order: 2 k for texel k, 2 b + 1 for block b, as ~ where a leaf begins.
+    counts : ndarray of shape (roots, 2), int64
+        Sources, and leaves.
+    """
+
+    order: NDArray[np.int32]
+    counts: NDArray[np.int64]
+
+
+class _Leaves(NamedTuple):
+    """What `_write` fills.
+
+    Attributes
+    ----------
+    begin : ndarray of shape (roots,), int64
+        First leaf of each root block; read.
+    leaf, box : ndarrays, float32
+        As in `SourceTree`, of the leaves alone.
+    """
+
+    begin: NDArray[np.int64]
+    leaf: NDArray[np.float32]
+    box: NDArray[np.float32]
+
+
 @kernel
-def _walk(  # type: ignore[no-untyped-def]
-    first, stop, rows, cols, row_of, position, area, moments, start, width, max_spread, order, count
-):
-    """Each root block's sources in Morton order: 2 k for texel k, 2 b + 1 for block b, as ~ where a leaf begins."""
+def _walk(first, stop, roots, points, pyramid, max_spread, out):  # type: ignore[no-untyped-def]
+    """List each root block's sources, the widest blocks that may be one.
+
+    Parameters
+    ----------
+    first, stop : int
+        Root blocks.
+    roots : _Roots
+    points : TexelPoints
+    pyramid : MomentPyramid
+    max_spread : float32
+        Of a block, mm^2.
+    out : _Walked
+        Written.
+    """
+    rows, cols, order, count = roots.rows, roots.cols, out.order, out.counts
+    row_of, position, area = points.row, points.position, points.area_mm2
+    moments, start, width = pyramid.moments, pyramid.start, pyramid.width
     height, columns = row_of.shape
     for root in range(first, stop):
         sources, leaves, lane = 0, 0, 0
@@ -184,12 +277,28 @@ def _walk(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _write(  # type: ignore[no-untyped-def]
-    first, stop, order, begin, count, flat_index, position, normal, area, light, moments, mean, variance, leaf, box,
-):  # fmt: skip
+def _write(first, stop, walked, points, light, lobe, out):  # type: ignore[no-untyped-def]
+    """Fill the leaves of root blocks with their sources.
+
+    Parameters
+    ----------
+    first, stop : int
+        Root blocks.
+    walked : _Walked
+    points : TexelPoints
+    light : ndarray of shape (L, H * W, 3), float32
+    lobe : (MomentPyramid, float32)
+        Blocks, and the lobe's variance, mm^2.
+    out : _Leaves
+        Written.
+    """
+    order, begin, count, leaf, box = walked.order, out.begin, walked.counts, out.leaf, out.box
+    flat_index, position, normal, area = points.flat_index, points.position, points.normal, points.area_mm2
+    pyramid, variance = lobe
+    moments, mean = pyramid.moments, pyramid.radiosity
     for root in range(first, stop):
         k, lane = begin[root] - 1, np.int64(LANES)
-        for i in range(count[root]):
+        for i in range(count[root, 0]):
             what = order[root, i]
             if what < 0:
                 what = ~what
@@ -217,7 +326,7 @@ def _write(  # type: ignore[no-untyped-def]
                 box[group, axis, place] = min(box[group, axis, place], leaf[k, axis, lane])
                 box[group, 3 + axis, place] = max(box[group, 3 + axis, place], leaf[k, axis, lane])
             lane += 1
-        if count[root] > 0:
+        if count[root, 0] > 0:
             _close(leaf[k], lane)
 
 
@@ -239,23 +348,23 @@ def _every_other_bit(n):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def near_boxes(low, high, radius2, boxes, first_group, stack, depth, bottom, found):  # type: ignore[no-untyped-def]
-    """Number of a level's boxes within a distance of the box from `low` to `high`; `found` lists them.
+def near_boxes(low, high, radius2, tree, search, depth, bottom):  # type: ignore[no-untyped-def]
+    """Number of a level's boxes within a distance of the box from `low` to `high`; `search.found` lists them.
 
     Parameters
     ----------
     low, high : ndarray of shape (3,), float32
     radius2 : float32
         Squared distance, mm^2.
-    boxes : ndarray, float32
-        `SourceTree.box`, flat.
-    stack : ndarray of shape (STACK,), int64
-        Its first `depth` entries are the groups to begin from: `tree_node`s.
+    tree : TreeArrays
+    search : Search
+    depth : int
+        Groups to begin from.
     bottom : int
         `LEAVES`, `GROUPS`, ...: the level whose boxes are found. As int64, like `depth`: for a literal number numba
         would compile once more.
-    found : ndarray, int64
     """
+    boxes, first_group, stack, found = tree.boxes, tree.first_group, search.stack, search.found
     count = 0
     while depth > 0:
         depth -= 1
@@ -293,6 +402,10 @@ def near_sources(leaves, base, low, high, radius2):  # type: ignore[no-untyped-d
         `SourceTree.leaf`, flat.
     base : int
         Where the leaf begins in it.
+    low, high : ndarrays of shape (3,), float32
+        Corners of the box, mm.
+    radius2 : float32
+        Squared distance, mm^2.
     """
     x, y, z = load(leaves, base), load(leaves, base + LANES), load(leaves, base + 2 * LANES)
     dx = max(max(x - high[0], low[0] - x), _ZERO)
@@ -303,14 +416,33 @@ def near_sources(leaves, base, low, high, radius2):  # type: ignore[no-untyped-d
 
 @kernel(inline=True)
 def sources_around(leaves, base, x, y, z, radius2):  # type: ignore[no-untyped-def]
-    """Bits of a leaf's sources within a distance of a point."""
+    """Bits of a leaf's sources within a distance of a point.
+
+    Parameters
+    ----------
+    leaves, base
+        As in `near_sources`.
+    x, y, z : float32
+        The point, mm.
+    radius2 : float32
+        Squared distance, mm^2.
+    """
     dx, dy, dz = load(leaves, base) - x, load(leaves, base + LANES) - y, load(leaves, base + 2 * LANES) - z
     return bits_below(mul_add(dx, dx, mul_add(dy, dy, dz * dz)), radius2)
 
 
 @kernel(inline=True)
 def opposite_sources(leaves, base, ax, ay, az, sine):  # type: ignore[no-untyped-def]
-    """Bits of a leaf's sources whose normals lie less than `sine` along an axis."""
+    """Bits of a leaf's sources whose normals lie less than `sine` along an axis.
+
+    Parameters
+    ----------
+    leaves, base
+        As in `near_sources`.
+    ax, ay, az : float32
+        Unit.
+    sine : float32
+    """
     base += NORMAL * LANES
     across = mul_add(load(leaves, base + LANES), ay, load(leaves, base + 2 * LANES) * az)
     return bits_below(mul_add(load(leaves, base), ax, across), sine)

@@ -9,6 +9,8 @@ stretch all fail that test; what fails is summed directly.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,13 +38,18 @@ def least_sigma(coarse: TexelPoints, fine: TexelPoints, gap: float = MAX_GAP) ->
     Parameters
     ----------
     coarse, fine : TexelPoints
-        Of a size (h, w) and of its double.
+        Those of a size (h, w) and of its double.
     gap : float
         Greatest distance, in sigma, of the texels interpolated.
 
     Returns
     -------
     ndarray of shape (2 h, 2 w), float32
+
+    Raises
+    ------
+    ValueError
+        The sizes are not one and its double.
     """
     height, width = coarse.row.shape
     if fine.row.shape != (2 * height, 2 * width):
@@ -52,17 +59,8 @@ def least_sigma(coarse: TexelPoints, fine: TexelPoints, gap: float = MAX_GAP) ->
     widest = np.empty((height, width), np.float32)
     parallel_for(_widest_step, height, coarse.row, position, widest)
     sigma = np.empty(fine.row.shape, np.float32)
-    parallel_for(
-        _least_sigma,
-        2 * height,
-        position.reshape(-1),
-        widest,
-        fine.row,
-        fine.position,
-        np.float32(gap),
-        np.float32(MAX_MISS),
-        sigma,
-    )
+    lattice = _Coarse(position.reshape(-1), widest)
+    parallel_for(_least_sigma, 2 * height, lattice, fine, (np.float32(gap), np.float32(MAX_MISS)), sigma)
     return sigma
 
 
@@ -98,6 +96,21 @@ def interpolate_smooth(
     return left
 
 
+class _Coarse(NamedTuple):
+    """The texels that are interpolated.
+
+    Attributes
+    ----------
+    position : ndarray of shape (h w 3,), float32
+        By texel, mm.
+    widest : ndarray of shape (h, w), float32
+        Of `_widest_step`.
+    """
+
+    position: NDArray[np.float32]
+    widest: NDArray[np.float32]
+
+
 @kernel
 def _widest_step(first, stop, row_of, position, widest):  # type: ignore[no-untyped-def]
     """Longest step between neighbours of the 4 x 4 texels from (y, x) on, squared; infinite where one is empty."""
@@ -121,14 +134,29 @@ def _widest_step(first, stop, row_of, position, widest):  # type: ignore[no-unty
 
 
 @kernel
-def _least_sigma(first, stop, coarse, widest, row_of, position, gap, miss, sigma):  # type: ignore[no-untyped-def]
+def _least_sigma(first, stop, coarse, fine, limits, sigma):  # type: ignore[no-untyped-def]
+    """`least_sigma` of rows of the fine size.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    coarse : _Coarse
+    fine : TexelPoints
+    limits : tuple of two float32
+        Greatest distance of texels interpolated, and of the interpolated position from the true one, in sigma.
+    sigma : ndarray of shape (2 h, 2 w), float32
+        Written.
+    """
+    widest, row_of, position = coarse.widest, fine.row, fine.position
+    gap, miss = limits
     height, width = widest.shape
     for r in range(first, stop):
         line = np.empty(width * 3, np.float32)
         y0 = _first_of(r)
         inside = y0 >= 0 and y0 + 3 < height
         if inside:
-            _blend_rows(coarse, r, line)
+            _blend_rows(coarse.position, r, line)
         for c in range(sigma.shape[1]):
             x0 = _first_of(c)
             k = row_of[r, c]
@@ -144,6 +172,20 @@ def _least_sigma(first, stop, coarse, widest, row_of, position, gap, miss, sigma
 
 @kernel
 def _interpolate(first, stop, coarse, least_sigma_mm, sigma_mm, out, left):  # type: ignore[no-untyped-def]
+    """`interpolate_smooth` of rows of the fine size.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    coarse : ndarray of shape (L, h, w, 3), float32
+    least_sigma_mm : ndarray of shape (2 h, 2 w), float32
+    sigma_mm : float32
+    out : ndarray of shape (L, 2 h, 2 w, 3), float32
+        Written where safe.
+    left : ndarray of shape (2 h, 2 w), int32
+        Set to -1 where safe.
+    """
     lights, _, width, _ = coarse.shape
     for r in range(first, stop):
         some = False
@@ -181,6 +223,7 @@ def _blend_rows(coarse, r, line):  # type: ignore[no-untyped-def]
 
 @kernel(inline=True)
 def _blend(line, c, q):  # type: ignore[no-untyped-def]
+    """Channel q of a blended row at fine column c."""
     at = 3 * _first_of(c) + q
     w0, w1, w2, w3 = _weights(c)
     return w0 * line[at] + w1 * line[at + 3] + w2 * line[at + 6] + w3 * line[at + 9]
@@ -188,6 +231,7 @@ def _blend(line, c, q):  # type: ignore[no-untyped-def]
 
 @kernel(inline=True)
 def _weights(fine):  # type: ignore[no-untyped-def]
+    """Weights of the four coarse texels around a fine one, in their order."""
     if fine % 2 == 0:  # the third of the four is the nearest
         return _WEIGHTS[3], _WEIGHTS[2], _WEIGHTS[1], _WEIGHTS[0]
     return _WEIGHTS[0], _WEIGHTS[1], _WEIGHTS[2], _WEIGHTS[3]
@@ -195,6 +239,7 @@ def _weights(fine):  # type: ignore[no-untyped-def]
 
 @kernel(inline=True)
 def _distance2(position, p, q):  # type: ignore[no-untyped-def]
+    """Squared distance of two rows of positions."""
     dx = position[p, 0] - position[q, 0]
     dy = position[p, 1] - position[q, 1]
     dz = position[p, 2] - position[q, 2]
