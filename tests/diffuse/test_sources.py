@@ -97,19 +97,19 @@ def test_the_search_finds_exactly_what_is_near(light, size):
     there = tree.leaf[:, AMPLITUDE] > 0
     position, normal = sources(tree)[:, :3], sources(tree)[:, NORMAL : NORMAL + 3]
     leaf = np.nonzero(there)[0]
-    search = Search(np.empty(STACK, np.int64), np.empty(len(tree.leaf), np.int64))
-    stack, found = search
+    room = Search(np.empty(STACK, np.int64), np.empty(len(tree.leaf), np.int64))
+    stack, found = room
     flat = tree.leaf.reshape(-1)
     for at, axis in zip(position[::997], normal[::997], strict=True):
         low, high = at - np.float32(size / 2), at + np.float32(size / 2)
         radius2 = np.float32(25)
         gap = np.maximum(np.maximum(position - high, low - position), 0)
         stack[0] = tree_node(0, len(tree.first_group) - 1)
-        leaves = found[: near_boxes(low, high, radius2, tree.arrays, search, 1, LEAVES)].copy()
+        leaves = found[: near_boxes(low, high, radius2, tree.arrays, room, 1, LEAVES)].copy()
         stack[0] = tree_node(0, len(tree.first_group) - 1)
-        groups = near_boxes(low, high, radius2, tree.arrays, search, 1, GROUPS)
+        groups = near_boxes(low, high, radius2, tree.arrays, room, 1, GROUPS)
         stack[:groups] = [tree_node(group, 0) for group in found[:groups]]
-        again = found[: near_boxes(low, high, radius2, tree.arrays, search, groups, LEAVES)]
+        again = found[: near_boxes(low, high, radius2, tree.arrays, room, groups, LEAVES)]
         np.testing.assert_array_equal(np.sort(leaves), np.sort(again))
         tests = {
             "box": (near_sources, (low, high, radius2), (gap**2).sum(axis=1) < radius2),
