@@ -11,6 +11,8 @@ import subprocess
 import sys
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,22 +55,22 @@ def xatlas_layout(
     """
     if len(faces) <= SMALL_FACES:
         return _generate(positions, faces, padding)
-    given = BytesIO()
-    np.savez(given, positions=positions, faces=faces, padding=padding)
     package = str(Path(__file__).parents[3])
     path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
     command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
+    # Given as a file, not through a pipe: of what a full pipe had not taken at a timeout, `communicate` sends nothing
     with (
+        TemporaryFile() as given,
         subprocess.Popen(
             command,
-            stdin=subprocess.PIPE,
+            stdin=_filled(given, positions, faces, padding),
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | {"PYTHONPATH": path},
-        ) as process,  # fmt: skip
+        ) as process,
         undone_at_stop(process.kill),
     ):
-        made = _answer(process, given.getvalue(), tick)
+        made = _answer(process, tick)
     if process.returncode:
         raise MachineError(
             f"texture.unwrap: xatlas ended with exit code {process.returncode} (out of memory?); "
@@ -78,14 +80,19 @@ def xatlas_layout(
         return arrays["vertex"], arrays["corner"], arrays["uv"]
 
 
-def _answer(process: subprocess.Popen[bytes], given: bytes, tick: Tick) -> bytes:
-    """What the process writes once it has read what it is given."""
-    asked: bytes | None = given
+def _filled(file: IO[bytes], positions: NDArray[np.float32], faces: NDArray[np.uint32], padding: int) -> IO[bytes]:
+    """A file that holds what is to be laid out, to be read from its start."""
+    np.savez(file, positions=positions, faces=faces, padding=padding)
+    file.seek(0)
+    return file
+
+
+def _answer(process: subprocess.Popen[bytes], tick: Tick) -> bytes:
+    """What the process writes."""
     while True:
         try:
-            return process.communicate(asked, timeout=TICK_S)[0]
-        except subprocess.TimeoutExpired:  # what is still to be sent is remembered
-            asked = None
+            return process.communicate(timeout=TICK_S)[0]
+        except subprocess.TimeoutExpired:
             tick()
 
 

@@ -70,3 +70,12 @@ def test_a_long_wait_is_told(capsys, monkeypatch):
             tick()
     assert capsys.readouterr().err == ""
     assert in_words(60.0) == "60 s"
+
+
+def test_a_process_that_starts_slowly_gets_the_whole_mesh(large, monkeypatch):
+    """More than a pipe holds, and a first look at the process long before it reads."""
+    monkeypatch.setattr(xatlas_layout, "TICK_S", 1e-4)
+    mesh = relief(segments=60)
+    assert mesh.faces.nbytes > 1 << 16
+    _, corner, _ = xatlas_layout.xatlas_layout(mesh.positions_mm.astype(np.float32), mesh.faces.astype(np.uint32), 4)
+    assert corner.shape == mesh.faces.shape
