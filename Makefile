@@ -76,14 +76,14 @@ $(foreach batch,$(BATCHES),$(eval $(call BATCH_RULE,$(batch))))
 tradeoff: $(READY)  ## measure time and memory against error for CONFIG
 	$(SKINBAKE) tradeoff $(call QUOTED,$(CONFIG))
 
-test: $(READY) .venv/.xvfb  ## run every test
+test: $(READY) .venv/.testing  ## run every test
 	$(BIN)/python -m pytest
 
 quick: $(READY)  ## the tests worth running after each edit
 	$(BIN)/python -m pytest -m 'not slow'
 
-.venv/.xvfb: | $(READY)
-	@$(BIN)/python -m skinbake.preview.setup_gl xvfb
+.venv/.testing: | $(READY)
+	@$(BIN)/python -m skinbake.preview.setup_gl testing
 	@touch $@
 
 faults: $(READY)  ## kill bakes fifty times and before every step on the disk, press Ctrl-C a hundred times

@@ -15,8 +15,9 @@ from skinbake.cli.options import quiet_option
 @click.option("--sum", "summed", is_flag=True, help="sum.exr and sum.png: the light that leaves the skin, added up.")
 @click.option("--layers", is_flag=True, help="Each texture as an EXR of one part, channels R G B.")
 @click.option("--gltf", is_flag=True, help="skin.glb: the head with its light, for any viewer.")
+@click.option("--web", is_flag=True, help="head.html: one page that shows the bake in any browser, no network.")
 @quiet_option
-def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, verbosity: int) -> None:
+def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, web: bool, verbosity: int) -> None:
     """Write what the bake in FOLDER holds in forms that need no skinbake. The bake is only read.
 
     Files of an earlier export are replaced; a file that no export has made is never.
@@ -26,14 +27,17 @@ def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, verbos
     from skinbake.export.gltf import NAME, write_gltf
     from skinbake.export.layers import layer_names, write_layers
     from skinbake.export.summed import sum_names, write_sum
+    from skinbake.export.web import NAME as PAGE
+    from skinbake.export.web import write_web
     from skinbake.io.export_list import keep_export_list, refuse_foreign
 
-    if not (summed or layers or gltf):
-        raise InputError("export: expected one or more of --sum, --layers and --gltf, got none")
+    if not (summed or layers or gltf or web):
+        raise InputError("export: expected one or more of --sum, --layers, --gltf and --web, got none")
     if not to:
         raise InputError("--to: expected a folder, got an empty name")
     baked, target = open_bake(folder), Path(to)
     names = [*(sum_names(baked) if summed else ()), *(layer_names(baked) if layers else ()), *([NAME] if gltf else ())]
+    names += [PAGE] if web else []
     refuse_foreign(target, names)
     keep_export_list(target, names, Path(folder))
     if summed:
@@ -42,5 +46,7 @@ def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, verbos
         write_layers(baked, target)
     if gltf:
         write_gltf(baked, target)
+    if web:
+        write_web(Path(folder), target)
     if verbosity:
         print(printable("\n".join(str(target / name) for name in names)))

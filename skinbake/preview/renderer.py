@@ -8,7 +8,6 @@ frame buffer (8 bit), and the shader.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,38 +18,19 @@ from pyrender.renderer import Renderer
 from pyrender.shader_program import ShaderProgramCache
 
 from skinbake.errors import MachineError
-from skinbake.irradiance.bump_terminator import BUMP_GAIN
-from skinbake.irradiance.oil_layer import HALF_SQUARED_MIN, ROUGHNESS_MIN
-from skinbake.irradiance.punctual_light import NEAREST_MM
 from skinbake.numerics import Float
-from skinbake.preview import shader_light
 from skinbake.preview.camera import Camera
 from skinbake.preview.geometry import vertex_buffers
 from skinbake.preview.light_sum import SummedLobes
 from skinbake.preview.mode import Mode
 from skinbake.preview.scene import PreviewScene
-from skinbake.preview.shader_light import ENVIRONMENT, shader_lights
+from skinbake.preview.shader_defines import SHADERS, shader_defines
+from skinbake.preview.shader_light import shader_lights
 from skinbake.preview.target import FloatTarget
 from skinbake.preview.textures import TileTextures, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
 
-SHADERS = Path(__file__).parent / "shaders"
 GBUFFER_ATTACHMENTS = 5
-# What the shader has in common with the bake, as GLSL literals
-CONSTANTS = {
-    name: repr(value)
-    for name, value in (
-        ("BUMP_GAIN", BUMP_GAIN),
-        ("NEAREST_MM", NEAREST_MM),
-        ("ROUGHNESS_MIN", ROUGHNESS_MIN),
-        ("HALF_SQUARED_MIN", HALF_SQUARED_MIN),
-        ("DIRECTIONAL", shader_light.DIRECTIONAL),
-        ("POINT", shader_light.POINT),
-        ("SPOT", shader_light.SPOT),
-        ("FACET", shader_light.FACET),
-        ("ENVIRONMENT", shader_light.ENVIRONMENT),
-    )
-}
 
 
 class SkinRenderer(Renderer):
@@ -207,36 +187,7 @@ class SkinRenderer(Renderer):
 
     def _defines(self, tile: int) -> dict[str, str]:
         """Preprocessor symbols of a tile's shader in this mode."""
-        lobes = range(len(self.skin.lobes))
-        shown = [self.mode.lobe] if self.mode.name == "lobe" else lobes
-        terms = [f"lobe_weight[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
-        conserving = self.skin.energy_conservation and self.mode.name != "lobe"
-        mirrored = any(light.kind == ENVIRONMENT for light in self._shader_lights) and self.mode.specular
-        after = self.skin.texturing.exponent_before < 1 and self.mode.name in ("full", "diffuse")
-        switches = {
-            "GBUFFER": self.gbuffer,
-            "HAS_NORMAL_MAP": self._textures[tile].has_normal_map,
-            "OBJECT_SPACE": self.skin.maps.normal_space == "object",
-            "SHOW_DIFFUSE": self.mode.diffuse,
-            "SHOW_SPECULAR": self.mode.specular,
-            "UNSCATTERED": self.mode.name == "none",
-            "ALBEDO_AFTER": after,
-            "ENERGY_CONSERVATION": conserving,
-            "HAS_ENVIRONMENT": mirrored,
-            "NEEDS_OIL_ALBEDO": conserving or mirrored,
-        }
-        return (
-            {
-                "DECLARE_LOBES": "".join(f"uniform sampler2DArray lobe_{i};\n" for i in lobes),
-                "SUM_OF_LOBES": " + ".join(terms),
-                "N_LOBES": str(len(self.skin.lobes)),
-                "N_LAYERS": str(len(self._layer_gains())),
-                "N_LIGHTS": str(len(self._shader_lights)),
-                "TILE_NUMBER": f"{tile}.0",
-            }
-            | CONSTANTS
-            | {name: "1" for name, on in switches.items() if on}
-        )
+        return shader_defines(self.skin, tile, self.mode, self._shader_lights, len(self._layer_gains()), self.gbuffer)
 
     def _bind_lighting(self, scene: Any, program: Any, node: Any, flags: int) -> None:
         skin, mode, gains = self.skin, self.mode, self.gains_rgb

@@ -1,8 +1,8 @@
 """Set-up check: does headless OpenGL work? If not, Mesa's EGL is installed where that is permitted.
 
 Run by `python -m skinbake.preview.setup_gl` before anything is baked, so that a missing system library shows up in the
-first minute. `make test` runs it with `xvfb`: the window's tests need a display, if only one in memory, and are skipped
-without.
+first minute. `make test` runs it with `testing`: the window's tests need a display, if only one in memory, those of the
+page a browser; they are skipped without.
 """
 
 from __future__ import annotations
@@ -34,6 +34,13 @@ XVFB = {
     "zypper": ["xorg-x11-server-Xvfb"],
     "pacman": ["xorg-server-xvfb"],
     "apk": ["xvfb"],
+}
+CHROMIUM = {
+    "apt-get": ["chromium"],
+    "dnf": ["chromium"],
+    "zypper": ["chromium"],
+    "pacman": ["chromium"],
+    "apk": ["chromium", "chromium-swiftshader"],
 }
 
 # A context of the kind the preview makes, in a process of its own: a broken driver may take the process with it
@@ -101,14 +108,18 @@ def see_to_gl() -> int:
     return 3
 
 
-def see_to_xvfb() -> int:
-    """Install Xvfb where it is missing and permitted; always 0, since only a few tests are skipped without it."""
-    if sys.platform.startswith("linux") and shutil.which("Xvfb") is None:
-        install(XVFB, "Xvfb, which the window's tests need,")
-        if shutil.which("Xvfb") is None:
-            print(f"the window's tests will be skipped; to run them, install Xvfb:\n{by_hand(XVFB, 'Xvfb')}")
+def see_to_testing() -> int:
+    """Install Xvfb and Chromium where missing and permitted; always 0, since only a few tests are skipped without."""
+    for name, programs, packages, tests in (
+        ("Xvfb", ("Xvfb",), XVFB, "the window's tests"),
+        ("Chromium", ("chromium", "chromium-browser", "google-chrome"), CHROMIUM, "the page's tests"),
+    ):
+        if sys.platform.startswith("linux") and not any(map(shutil.which, programs)):
+            install(packages, f"{name}, which {tests} need,")
+            if not any(map(shutil.which, programs)):
+                print(f"{tests} will be skipped; to run them, install {name}:\n{by_hand(packages, name)}")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(see_to_xvfb() if sys.argv[1:] == ["xvfb"] else see_to_gl())
+    sys.exit(see_to_testing() if sys.argv[1:] == ["testing"] else see_to_gl())

@@ -1,0 +1,528 @@
+"use strict";
+// Draws what a bake left with the preview's own shaders: nothing is blurred here, lobes are added up.
+(() => {
+  const bake = JSON.parse(document.getElementById("bake").textContent);
+  const canvas = document.getElementById("picture");
+  const note = document.getElementById("note");
+  const $ = (id) => document.getElementById(id);
+  const HEADER = "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n"
+    + "precision highp sampler2DArray;\n";
+  // Means of the points that a pixel was drawn with
+  const RESOLVE = HEADER + `uniform sampler2D frame; uniform int side; layout(location = 0) out vec4 mean;
+    void main() {
+      vec4 sum = vec4(0.0);
+      for (int y = 0; y < side; ++y) for (int x = 0; x < side; ++x)
+        sum += texelFetch(frame, ivec2(gl_FragCoord.xy) * side + ivec2(x, y), 0);
+      mean = sum / float(side * side);
+    }`;
+
+  const state = {
+    mode: "full", other: "none", split: false, at: 0.5, exposure: bake.exposure,
+    gains: bake.lights.map(() => 1), tints: bake.lights.map(() => "#ffffff"), camera: null,
+  };
+  let gl = null, programs = {}, tiles = [], empty = null, targets = {}, ready = false, later = 0, wanted = false;
+
+  // --- bytes -----------------------------------------------------------------------------------------------------
+
+  const bytesOf = (base64) => Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+
+  async function inflated(base64) {
+    const stream = new Blob([bytesOf(base64)]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return new Response(stream).arrayBuffer();
+  }
+
+  const scratch = new DataView(new ArrayBuffer(4));
+  function half(value) {  // to binary16, rounded to nearest; what is smaller than its least normal is kept as a subnormal
+    scratch.setFloat32(0, value);
+    const bits = scratch.getUint32(0), sign = (bits >>> 16) & 0x8000, exponent = ((bits >>> 23) & 255) - 112;
+    const fraction = bits & 0x7fffff;
+    if (exponent >= 31) return sign | 0x7bff;
+    if (exponent <= 0) {
+      if (exponent < -10) return sign;
+      const shift = 14 - exponent;
+      return sign | (((fraction | 0x800000) + (1 << (shift - 1))) >>> shift);
+    }
+    return sign | (((exponent << 23) | fraction) + 0x1000) >>> 13;
+  }
+
+  // Values of the 256 bytes of a channel as halves: squares where light is stored, else a straight line
+  function decoder(coding, low, high) {
+    return Uint16Array.from({ length: 256 }, (_, i) => {
+      const x = i / 255;
+      return half(coding === "sqrt" ? high * x * x : low + (high - low) * x);
+    });
+  }
+
+  async function pixelsOf(image) {
+    const bitmap = await createImageBitmap(
+      new Blob([bytesOf(image.data)], { type: "image/webp" }), { premultiplyAlpha: "none", colorSpaceConversion: "none" });
+    const page = document.createElement("canvas");
+    page.width = bitmap.width;
+    page.height = bitmap.height;
+    const context = page.getContext("2d", { willReadFrequently: true });
+    context.drawImage(bitmap, 0, 0);
+    return context.getImageData(0, 0, page.width, page.height).data;
+  }
+
+  // --- OpenGL ----------------------------------------------------------------------------------------------------
+
+  function written(text, defines) {  // switches are asked for by #ifdef, other symbols are replaced
+    const flags = Object.keys(defines).filter((name) => bake.switches.includes(name));
+    let out = text.replace("#version 330 core", "");
+    for (const [name, value] of Object.entries(defines)) if (!flags.includes(name)) out = out.replace(new RegExp(`\\b${name}\\b`, "g"), () => value);
+    return HEADER + flags.map((name) => `#define ${name} 1\n`).join("") + out;
+  }
+
+  function compiled(vertex, fragment) {
+    const program = gl.createProgram();
+    for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost())
+        throw new Error(gl.getShaderInfoLog(shader));
+    }
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
+      throw new Error(gl.getProgramInfoLog(program));
+    const places = {};
+    return { program, place: (name) => (name in places ? places[name] : (places[name] = gl.getUniformLocation(program, name))) };
+  }
+
+  function skinProgram(tile, mode) {
+    const key = `${tile.number}:${mode}`;
+    if (!programs[key])
+      programs[key] = compiled(written(bake.shaders.skin_vert, {}), written(bake.shaders.skin_frag, tile.defines[mode]));
+    return programs[key];
+  }
+
+  function sampler(kind, filter) {
+    const texture = gl.createTexture();
+    gl.bindTexture(kind, texture);
+    for (const [name, value] of [[gl.TEXTURE_MIN_FILTER, filter], [gl.TEXTURE_MAG_FILTER, filter],
+      [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) gl.texParameteri(kind, name, value);
+    return texture;
+  }
+
+  async function arrayTexture(layers) {
+    const { width, height, channels } = layers[0];
+    const planes = [];
+    for (const image of layers) {
+      const bytes = await pixelsOf(image);
+      const tables = [0, 1, 2].map((c) => decoder(image.coding, image.low[c], image.high[c]));
+      const plane = new Uint16Array(width * height * channels);
+      for (let i = 0, o = 0; o < plane.length; i += 4) for (let c = 0; c < channels; ++c) plane[o++] = tables[c][bytes[i + c]];
+      planes.push(plane);
+    }
+    const texture = sampler(gl.TEXTURE_2D_ARRAY, gl.LINEAR);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, channels === 1 ? gl.R16F : gl.RGB16F, width, height, layers.length);
+    planes.forEach((plane, layer) => gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, width, height, 1,
+      channels === 1 ? gl.RED : gl.RGB, gl.HALF_FLOAT, plane));
+    return texture;
+  }
+
+  function oilTexture() {
+    const { width, height, data } = bake.oil;
+    const values = new Float32Array(bytesOf(data).buffer);
+    const texture = sampler(gl.TEXTURE_2D_ARRAY, gl.LINEAR);
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RG16F, width, height, 1);
+    gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, 0, width, height, 1, gl.RG, gl.HALF_FLOAT, Uint16Array.from(values, half));
+    return texture;
+  }
+
+  async function geometryOf(tile) {
+    const view = new DataView(await inflated(tile.geometry)), count = tile.vertices;
+    const sizes = { position: 3, normal: 3, tangent: 4, uv: 2 };
+    let at = 0;
+    const vertices = gl.createVertexArray();
+    gl.bindVertexArray(vertices);
+    Object.entries(sizes).forEach(([name, size], location) => {
+      const values = new Float32Array(count * size), { low, high } = tile.ranges[name];
+      for (let c = 0; c < size; ++c) for (let i = 0; i < count; ++i, at += 2)
+        values[i * size + c] = low[c] + (high[c] - low[c]) * view.getUint16(at, true) / 65535;
+      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+      gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
+      gl.enableVertexAttribArray(location);
+      gl.vertexAttribPointer(location, size, gl.FLOAT, false, 0, 0);
+    });
+    const indices = new Uint32Array(tile.indices);
+    for (let i = 0, last = 0; i < indices.length; ++i, at += 4) indices[i] = last = (last + view.getInt32(at, true)) >>> 0;
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+    gl.bindVertexArray(null);
+    return vertices;
+  }
+
+  function target(name, width, height, depth) {
+    const old = targets[name];
+    if (old && old.width === width && old.height === height) return old;
+    if (old) { gl.deleteTexture(old.texture); gl.deleteFramebuffer(old.frame); if (old.depth) gl.deleteRenderbuffer(old.depth); }
+    const made = { width, height, texture: sampler(gl.TEXTURE_2D, gl.NEAREST), frame: gl.createFramebuffer(), depth: null };
+    gl.texStorage2D(gl.TEXTURE_2D, 1, name === "text" ? gl.RG8 : gl.RGBA16F, width, height);
+    if (name !== "text") {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, made.frame);
+      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made.texture, 0);
+    }
+    if (depth) {
+      made.depth = gl.createRenderbuffer();
+      gl.bindRenderbuffer(gl.RENDERBUFFER, made.depth);
+      gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, made.depth);
+    }
+    return (targets[name] = made);
+  }
+
+  async function load() {
+    gl = canvas.getContext("webgl2", { antialias: false, alpha: false, preserveDrawingBuffer: true });
+    if (!gl) throw new Error("this browser has no WebGL 2; try a current Firefox, Chrome, Edge or Safari");
+    if (!gl.getExtension("EXT_color_buffer_float") && !gl.getExtension("EXT_color_buffer_half_float"))
+      throw new Error("this graphics driver cannot draw to float textures");
+    programs = {};
+    targets = {};
+    const wantedUnits = bake.lobes.length + 7, units = gl.getParameter(gl.MAX_TEXTURE_IMAGE_UNITS);
+    if (wantedUnits > units) throw new Error(`${bake.lobes.length} lobes need ${wantedUnits} texture units, there are ${units}`);
+    const total = bake.tiles.reduce((sum, tile) => sum + Object.keys(tile.textures).length, 0);
+    let done = 0;
+    const made = [];
+    for (const tile of bake.tiles) {
+      const textures = { oil_albedo: oilTexture() };
+      for (const [name, layers] of Object.entries(tile.textures)) {
+        note.textContent = `Loading, ${++done} of ${total} textures`;
+        textures[name] = await arrayTexture(layers);
+      }
+      made.push({ ...tile, textures, array: await geometryOf(tile) });
+    }
+    tiles = made;
+    empty = gl.createVertexArray();
+    ready = true;
+    note.textContent = "";
+    redraw();
+  }
+
+  // --- drawing ---------------------------------------------------------------------------------------------------
+
+  const sub = (a, b) => a.map((x, i) => x - b[i]);
+  const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const unit = (a) => { const n = Math.hypot(...a); return a.map((x) => x / n); };
+
+  function axesOf(camera) {
+    const a = camera.azimuth * Math.PI / 180, e = camera.elevation * Math.PI / 180;
+    const back = [Math.sin(a) * Math.cos(e), Math.sin(e), Math.cos(a) * Math.cos(e)];
+    const right = unit(cross([0, 1, 0], back));
+    return { back, right, up: cross(back, right), eye: camera.target.map((x, i) => x + camera.distance * back[i]) };
+  }
+
+  function matrices(camera, aspect) {
+    const { back, right, up, eye } = axesOf(camera);
+    const away = dot(sub(eye, bake.centre), back), far = Math.max(away + bake.radius, 1e-3) * 1.01;
+    const near = Math.max((away - bake.radius) * 0.99, far * 1e-3), t = 1 / Math.tan(bake.yfov * Math.PI / 360);
+    const P = [t / aspect, 0, 0, 0, 0, t, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0];
+    const V = [right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0,
+      -dot(right, eye), -dot(up, eye), -dot(back, eye), 1];
+    return { V, P, eye };
+  }
+
+  const linear = (hex) => [1, 3, 5].map((i) => {
+    const x = parseInt(hex.slice(i, i + 2), 16) / 255;
+    return x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4;
+  });
+
+  function drawSkin(mode, camera, aspect) {
+    const { V, P, eye } = matrices(camera, aspect);
+    const gains = state.gains.map((gain, i) => linear(state.tints[i]).map((c) => c * gain));
+    const layers = bake.separate || mode === "none" ? gains.flat() : [1, 1, 1];
+    const lamps = bake.shader_lights;
+    const lamp = lamps.color.flatMap((rgb, i) => rgb.map((x, c) => x * gains[lamps.light[i]][c]));
+    const weights = mode.startsWith("lobe") ? bake.lobes.flatMap(() => [1, 1, 1]) : bake.lobes.flatMap((l) => l.weight);
+    for (const tile of tiles) {
+      const { program, place } = skinProgram(tile, mode);
+      gl.useProgram(program);
+      gl.uniformMatrix4fv(place("V"), false, V);
+      gl.uniformMatrix4fv(place("P"), false, P);
+      gl.uniform3fv(place("cam_pos"), eye);
+      gl.uniform3fv(place("lobe_weight"), weights);
+      gl.uniform3fv(place("layer_gain"), layers);
+      gl.uniform3fv(place("total_weight"), bake.total_weight);
+      gl.uniform1iv(place("light_kind"), lamps.kind);
+      gl.uniform1iv(place("light_layer"), lamps.light);
+      gl.uniform3fv(place("light_at"), lamps.at.flat());
+      gl.uniform3fv(place("light_axis"), lamps.axis.flat());
+      gl.uniform2fv(place("light_cosines"), lamps.cosines.flat());
+      gl.uniform3fv(place("light_color"), lamp);
+      for (const name of ["albedo_exponent_after", "normal_strength", "f0", "strength"]) gl.uniform1f(place(name), bake[name]);
+      Object.entries(tile.textures).forEach(([name, texture], i) => {
+        gl.activeTexture(gl.TEXTURE0 + i);
+        gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+        if (place(name)) gl.uniform1i(place(name), i);
+      });
+      gl.bindVertexArray(tile.array);
+      gl.drawElements(gl.TRIANGLES, tile.indices, gl.UNSIGNED_INT, 0);
+    }
+  }
+
+  function pass(program, to, uniforms) {
+    gl.bindFramebuffer(gl.FRAMEBUFFER, to ? to.frame : null);
+    gl.viewport(0, 0, to ? to.width : canvas.width, to ? to.height : canvas.height);
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.CULL_FACE);
+    gl.useProgram(program.program);
+    uniforms(program.place);
+    gl.bindVertexArray(empty);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  function bind(place, unit, name, texture) {
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.uniform1i(place(name), unit);
+  }
+
+  function draw(side) {
+    if (!ready || gl.isContextLost()) return;
+    const width = canvas.width, height = canvas.height, aspect = width / height;
+    const large = target("large", width * side, height * side, true);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, large.frame);
+    gl.viewport(0, 0, large.width, large.height);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.disable(gl.BLEND);
+    gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.CULL_FACE);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    if (state.split) {
+      const at = Math.round(state.at * width) * side;
+      gl.enable(gl.SCISSOR_TEST);
+      gl.scissor(0, 0, at, large.height);
+      drawSkin(state.other, state.camera, aspect);
+      gl.scissor(at, 0, large.width - at, large.height);
+    }
+    drawSkin(state.mode, state.camera, aspect);
+    gl.disable(gl.SCISSOR_TEST);
+    programs.resolve ??= compiled(written(bake.shaders.screen_vert, {}), RESOLVE);
+    programs.display ??= compiled(written(bake.shaders.screen_vert, {}), written(bake.shaders.display_frag, bake.tonemap));
+    const small = target("small", width, height, false), text = target("text", width, height, false);
+    pass(programs.resolve, small, (place) => { bind(place, 0, "frame", large.texture); gl.uniform1i(place("side"), side); });
+    pass(programs.display, null, (place) => {
+      bind(place, 0, "frame", small.texture);
+      bind(place, 1, "text", text.texture);
+      gl.uniform3fv(place("background"), bake.background);
+      gl.uniform1f(place("gain"), 2 ** state.exposure);
+    });
+  }
+
+  function redraw() {  // at once with a point a pixel, and with four as soon as nothing moves
+    clearTimeout(later);
+    later = setTimeout(() => draw(2), 160);
+    if (wanted) return;
+    wanted = true;
+    requestAnimationFrame(() => { wanted = false; draw(1); });
+  }
+
+  function resized() {
+    const scale = Math.min(window.devicePixelRatio || 1, 2);
+    canvas.width = Math.max(1, Math.round(canvas.clientWidth * scale));
+    canvas.height = Math.max(1, Math.round(canvas.clientHeight * scale));
+    redraw();
+  }
+
+  // --- controls --------------------------------------------------------------------------------------------------
+
+  const fitted = (view) => {  // a tall window stands further away: the view's frame was this wide
+    const aspect = canvas.clientWidth / Math.max(canvas.clientHeight, 1);
+    return { ...view, target: [...view.target], distance: view.distance * Math.max(1, bake.aspect / aspect) };
+  };
+  const turn = (dx, dy) => {
+    state.camera.azimuth = (state.camera.azimuth + dx + 360) % 360;
+    state.camera.elevation = Math.min(89, Math.max(-89, state.camera.elevation + dy));
+    redraw();
+  };
+  const zoom = (factor) => { state.camera.distance = Math.min(1e6, Math.max(1, state.camera.distance * factor)); redraw(); };
+  const pan = (x, y) => {
+    const { right, up } = axesOf(state.camera), frame = 2 * state.camera.distance * Math.tan(bake.yfov * Math.PI / 360);
+    state.camera.target = state.camera.target.map((t, i) => t + frame * (x * right[i] + y * up[i]));
+    redraw();
+  };
+
+  function pointers() {
+    const down = new Map();
+    canvas.addEventListener("pointerdown", (e) => {
+      canvas.setPointerCapture(e.pointerId);
+      down.set(e.pointerId, { x: e.clientX, y: e.clientY });
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => down.delete(e.pointerId));
+    canvas.addEventListener("pointermove", (e) => {
+      const last = down.get(e.pointerId);
+      if (!last || !ready) return;
+      const dx = e.clientX - last.x, dy = e.clientY - last.y, tall = canvas.clientHeight;
+      if (down.size === 2) {
+        const [other] = [...down].filter(([id]) => id !== e.pointerId).map(([, p]) => p);
+        const before = Math.hypot(last.x - other.x, last.y - other.y), now = Math.hypot(e.clientX - other.x, e.clientY - other.y);
+        if (now > 0 && before > 0) zoom(before / now);
+        pan(-dx / tall / 2, dy / tall / 2);
+      } else if (e.buttons & 6 || e.shiftKey) pan(-dx / tall, dy / tall);
+      else turn(-dx * 0.4, dy * 0.4);
+      down.set(e.pointerId, { x: e.clientX, y: e.clientY });
+    });
+    canvas.addEventListener("contextmenu", (e) => e.preventDefault());
+    canvas.addEventListener("wheel", (e) => { e.preventDefault(); zoom(Math.exp(e.deltaY * 0.001)); }, { passive: false });
+    const divider = $("divider");
+    const moveTo = (share) => {
+      state.at = Math.min(1, Math.max(0, share));
+      divider.style.left = `${100 * state.at}%`;
+      divider.setAttribute("aria-valuenow", Math.round(100 * state.at));
+      redraw();
+    };
+    divider.addEventListener("pointerdown", (e) => divider.setPointerCapture(e.pointerId));
+    divider.addEventListener("pointermove", (e) => {
+      if (e.buttons) moveTo((e.clientX - canvas.getBoundingClientRect().left) / canvas.clientWidth);
+    });
+    divider.addEventListener("keydown", (e) => {
+      const step = { ArrowLeft: -0.02, ArrowRight: 0.02 }[e.key];
+      if (step) { e.preventDefault(); moveTo(state.at + step); }
+    });
+  }
+
+  function keys() {
+    canvas.addEventListener("keydown", (e) => {
+      const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
+      if (arrow && e.shiftKey) pan(arrow[0] * 0.03, arrow[1] * 0.03);
+      else if (arrow) turn(arrow[0] * 4, arrow[1] * 4);
+      else if (e.key === "+" || e.key === "=") zoom(1 / 1.1);
+      else if (e.key === "-") zoom(1.1);
+      else if (e.key === "s") $("split").click();
+      else if (/^[1-9]$/.test(e.key) && bake.modes[e.key - 1]) { $("mode").selectedIndex = e.key - 1; $("mode").onchange(); }
+      else return;
+      e.preventDefault();
+    });
+  }
+
+  const option = (value, label) => Object.assign(document.createElement("option"), { value, textContent: label });
+
+  function panel() {
+    for (const id of ["mode", "other"]) {
+      $(id).append(...bake.modes.map((m) => option(m.name, m.label)));
+      $(id).onchange = () => { state[id] = $(id).value; redraw(); };
+    }
+    $("view").append(...Object.keys(bake.views).map((name) => option(name, name)));
+    $("view").onchange = () => { state.camera = fitted(bake.views[$("view").value]); redraw(); };
+    $("split").onchange = () => { state.split = $("split").checked; $("divider").hidden = !state.split; redraw(); };
+    $("exposure").oninput = () => { state.exposure = Number($("exposure").value); shown(); redraw(); };
+    if (bake.separate) bake.lights.forEach((name, i) => {
+      const row = document.createElement("label"), range = document.createElement("input"), tint = document.createElement("input");
+      const value = document.createElement("output");
+      Object.assign(range, { type: "range", min: 0, max: 3, step: 0.05, id: `gain-${i}` });
+      Object.assign(tint, { type: "color", id: `tint-${i}` });
+      range.setAttribute("aria-label", `Strength of ${name}`);
+      tint.setAttribute("aria-label", `Colour of ${name}`);
+      range.oninput = () => { state.gains[i] = Number(range.value); shown(); redraw(); };
+      tint.oninput = () => { state.tints[i] = tint.value; redraw(); };
+      value.id = `gain-value-${i}`;
+      row.append(name, range, value, tint);
+      $("lights").append(row);
+    }); else $("lights").append("This bake summed its lights: output.lights: separate keeps them apart.");
+    $("fold").onclick = () => {
+      const hidden = ($("controls").hidden = !$("controls").hidden);
+      $("fold").textContent = hidden ? "Show" : "Hide";
+      $("fold").setAttribute("aria-expanded", String(!hidden));
+      resized();
+    };
+    $("link").onclick = async () => {
+      const address = `${location.href.split("#")[0]}#${hash()}`;
+      history.replaceState(null, "", address);
+      try { await navigator.clipboard.writeText(address); note.textContent = "Copied"; }
+      catch { note.textContent = "The link is in the address bar"; }
+      setTimeout(() => { note.textContent = ""; }, 1500);
+    };
+    $("save").onclick = () => {
+      draw(2);
+      Object.assign(document.createElement("a"), { href: canvas.toDataURL("image/png"), download: `${bake.title}.png` }).click();
+    };
+    const about = document.createElement("dl");
+    for (const [term, lines] of bake.about) {
+      about.append(Object.assign(document.createElement("dt"), { textContent: term }));
+      for (const line of lines) about.append(Object.assign(document.createElement("dd"), { textContent: line }));
+    }
+    $("about").append(about);
+  }
+
+  function shown() {  // the controls show the state
+    $("mode").value = state.mode;
+    $("other").value = state.other;
+    $("split").checked = state.split;
+    $("divider").hidden = !state.split;
+    $("divider").style.left = `${100 * state.at}%`;
+    $("exposure").value = state.exposure;
+    $("exposure-value").textContent = state.exposure.toFixed(1);
+    if (bake.separate) state.gains.forEach((gain, i) => {
+      $(`gain-${i}`).value = gain;
+      $(`gain-value-${i}`).textContent = gain.toFixed(2);
+      $(`tint-${i}`).value = state.tints[i];
+    });
+  }
+
+  function hash() {
+    const c = state.camera;
+    const parts = { view: [c.azimuth, c.elevation, c.distance, ...c.target].join(","), mode: state.mode,
+      exposure: state.exposure, gains: state.gains.join(","), tints: state.tints.map((t) => t.slice(1)).join(",") };
+    if (state.split) Object.assign(parts, { other: state.other, at: state.at });
+    return new URLSearchParams(parts).toString();
+  }
+
+  function fromHash() {
+    const asked = new URLSearchParams(location.hash.slice(1)), view = asked.get("view");
+    if (view in bake.views) state.camera = fitted(bake.views[view]);
+    else if (view) {
+      const numbers = view.split(",").map(Number);
+      if (numbers.length === 6 && numbers.every(Number.isFinite))
+        state.camera = { azimuth: numbers[0], elevation: numbers[1], distance: Math.max(1, numbers[2]), target: numbers.slice(3) };
+    }
+    const names = bake.modes.map((m) => m.name), number = (key) => Number(asked.get(key));
+    if (names.includes(asked.get("mode"))) state.mode = asked.get("mode");
+    state.split = names.includes(asked.get("other"));
+    if (state.split) state.other = asked.get("other");
+    if (asked.has("exposure") && Number.isFinite(number("exposure"))) state.exposure = number("exposure");
+    if (asked.has("at") && Number.isFinite(number("at"))) state.at = Math.min(1, Math.max(0, number("at")));
+    const gains = (asked.get("gains") || "").split(",").map(Number);
+    if (gains.length === state.gains.length && gains.every((g) => Number.isFinite(g) && g >= 0)) state.gains = gains;
+    const tints = (asked.get("tints") || "").split(",");
+    if (tints.length === state.tints.length && tints.every((t) => /^[0-9a-f]{6}$/.test(t))) state.tints = tints.map((t) => `#${t}`);
+  }
+
+  // For scripts and tests: a picture of a view, as a data URL
+  window.skinbake = {
+    ready: () => ready,
+    async render({ view, mode = "full", width, height, exposure = bake.exposure }) {
+      const kept = { ...state, gains: [...state.gains] }, size = [canvas.width, canvas.height];
+      Object.assign(state, { mode, exposure, split: false, camera: { ...bake.views[view] } });
+      [canvas.width, canvas.height] = [width, height];
+      draw(2);
+      const picture = canvas.toDataURL("image/png");
+      Object.assign(state, kept);
+      [canvas.width, canvas.height] = size;
+      redraw();
+      return picture;
+    },
+  };
+
+  async function start() {
+    panel();
+    state.camera = fitted(bake.views[bake.view]);
+    $("view").value = bake.view;
+    fromHash();
+    shown();
+    pointers();
+    keys();
+    new ResizeObserver(resized).observe(canvas);
+    window.addEventListener("hashchange", () => { fromHash(); shown(); redraw(); });
+    canvas.addEventListener("webglcontextlost", (e) => { e.preventDefault(); ready = false; note.textContent = "The graphics driver was reset ..."; });
+    canvas.addEventListener("webglcontextrestored", () => load().catch(failed));
+    await load();
+  }
+
+  function failed(error) { note.textContent = `This page cannot show the head: ${error.message}`; }
+
+  start().catch(failed);
+})();

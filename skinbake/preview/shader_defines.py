@@ -1,0 +1,96 @@
+"""What is written into the shader's text: constants of the bake, its numbers of lobes and lights, and what is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from skinbake.irradiance.bump_terminator import BUMP_GAIN
+from skinbake.irradiance.oil_layer import HALF_SQUARED_MIN, ROUGHNESS_MIN
+from skinbake.irradiance.punctual_light import NEAREST_MM
+from skinbake.preview import shader_light
+from skinbake.preview.mode import Mode
+from skinbake.preview.scene import PreviewScene
+from skinbake.preview.shader_light import ENVIRONMENT, ShaderLight
+
+SHADERS = Path(__file__).parent / "shaders"
+# What the shader has in common with the bake, as GLSL literals
+CONSTANTS = {
+    name: repr(value)
+    for name, value in (
+        ("BUMP_GAIN", BUMP_GAIN),
+        ("NEAREST_MM", NEAREST_MM),
+        ("ROUGHNESS_MIN", ROUGHNESS_MIN),
+        ("HALF_SQUARED_MIN", HALF_SQUARED_MIN),
+        ("DIRECTIONAL", shader_light.DIRECTIONAL),
+        ("POINT", shader_light.POINT),
+        ("SPOT", shader_light.SPOT),
+        ("FACET", shader_light.FACET),
+        ("ENVIRONMENT", shader_light.ENVIRONMENT),
+    )
+}
+# Symbols that the text asks for with #ifdef; all others are replaced
+SWITCHES = (
+    "GBUFFER",
+    "HAS_NORMAL_MAP",
+    "OBJECT_SPACE",
+    "SHOW_DIFFUSE",
+    "SHOW_SPECULAR",
+    "UNSCATTERED",
+    "ALBEDO_AFTER",
+    "ENERGY_CONSERVATION",
+    "HAS_ENVIRONMENT",
+    "NEEDS_OIL_ALBEDO",
+)
+
+
+def shader_defines(
+    scene: PreviewScene,
+    tile: int,
+    mode: Mode,
+    lights: Sequence[ShaderLight],
+    layers: int,
+    geometry_buffer: bool = False,
+) -> dict[str, str]:
+    """Symbols of `skin.frag` for one tile: those of SWITCHES that are set, and what replaces the others.
+
+    Parameters
+    ----------
+    scene : PreviewScene
+    tile : int
+    mode : Mode
+    lights : sequence of ShaderLight
+    layers : int
+        Layers of the lobes' textures that are read.
+    geometry_buffer : bool
+        Write position, normal, tangent and UV beside the picture.
+    """
+    lobes = range(len(scene.lobes))
+    shown = [mode.lobe] if mode.name == "lobe" else lobes
+    terms = [f"lobe_weight[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
+    conserving = scene.energy_conservation and mode.name != "lobe"
+    mirrored = any(light.kind == ENVIRONMENT for light in lights) and mode.specular
+    on = {
+        "GBUFFER": geometry_buffer,
+        "HAS_NORMAL_MAP": tile in scene.maps.normal,
+        "OBJECT_SPACE": scene.maps.normal_space == "object",
+        "SHOW_DIFFUSE": mode.diffuse,
+        "SHOW_SPECULAR": mode.specular,
+        "UNSCATTERED": mode.name == "none",
+        "ALBEDO_AFTER": scene.texturing.exponent_before < 1 and mode.name in ("full", "diffuse"),
+        "ENERGY_CONSERVATION": conserving,
+        "HAS_ENVIRONMENT": mirrored,
+        "NEEDS_OIL_ALBEDO": conserving or mirrored,
+    }
+    return (
+        {
+            "DECLARE_LOBES": "".join(f"uniform sampler2DArray lobe_{i};\n" for i in lobes),
+            "SUM_OF_LOBES": " + ".join(terms),
+            "N_LOBES": str(len(scene.lobes)),
+            "N_LAYERS": str(layers),
+            "N_LIGHTS": str(len(lights)),
+            "TILE_NUMBER": f"{tile}.0",
+        }
+        | CONSTANTS
+        | {name: "1" for name in SWITCHES if on[name]}
+    )

@@ -1,0 +1,152 @@
+"""`skinbake export --web`: one page that needs nothing else and draws what the preview draws."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from skinbake.cli import run
+from skinbake.export.web import NAME, coded
+from skinbake.io.bake_folder import read_bake_folder
+from skinbake.io.webp import webp_pixels
+from skinbake.preview.camera import view
+from skinbake.preview.draw import OffscreenRenderer
+from skinbake.preview.mode import parse_mode
+from skinbake.preview.setup_gl import renderer_name
+from skinbake.preview.views import tone_map
+from tests.export.browser import Browser
+
+SIZE = (120, 150)
+VIEWS = ("front", "left", "three-quarter-right", "back")
+MODES = ("full", "diffuse", "specular", "none", "lobe:1")
+
+
+@pytest.fixture(scope="module")
+def page(bake, tmp_path_factory):
+    """The page of the ball."""
+    folder = tmp_path_factory.mktemp("web")
+    assert run(["export", str(bake), "--to", str(folder), "--web", "--quiet"]) == 0
+    return folder / NAME
+
+
+@pytest.fixture(scope="module")
+def browser(page, tmp_path_factory):
+    """A browser that shows it."""
+    with Browser(tmp_path_factory.mktemp("browser")) as browser:
+        browser.open(page)
+        browser.run("await until(() => window.skinbake && skinbake.ready());")
+        yield browser
+
+
+def test_the_page_needs_nothing_else(page, bake, tmp_path):
+    """No address of another file in it, the same bytes again, and no name can end its data."""
+    text = page.read_text(encoding="utf-8")
+    assert not re.search(r"(?:src|href)=|https?://|@import|url\(", text.replace("href: canvas", ""))
+    data = re.search(r'<script id="bake" type="application/json">(.*?)</script>', text, re.DOTALL)[1]
+    assert "<" not in data
+    assert json.loads(data)["lights"] == ["key", "lamp"]
+    assert run(["export", str(bake), "--to", str(tmp_path), "--web", "--quiet"]) == 0
+    assert (tmp_path / NAME).read_bytes() == page.read_bytes()
+
+
+@pytest.mark.parametrize("coding", ["sqrt", "linear"])
+def test_the_stated_error_of_the_coding_is_the_error(coding):
+    """Decoded as the page does it: the range a channel, squared where light is stored."""
+    rng = np.random.default_rng(2)
+    image = (rng.random((33, 20, 3)) ** 3 * [2.0, 1.0, 0.1]).astype(np.float32)
+    found = coded(image, coding, lossless=True)
+    share = webp_pixels(base64.b64decode(found.record["data"])) / 255
+    low, high = np.array(found.record["low"]), np.array(found.record["high"])
+    values = low + (high - low) * (share**2 if coding == "sqrt" else share)
+    assert found.rms == pytest.approx(np.sqrt(np.mean((values - image) ** 2)), rel=1e-4)
+    assert found.norm == pytest.approx(np.sqrt(np.mean(image**2)), rel=1e-6)
+    assert found.rms < 0.004 * found.norm
+
+
+def test_what_is_the_same_everywhere_is_exact():
+    """Black, and a constant."""
+    for value in (0.0, 0.3):
+        found = coded(np.full((4, 5), value, np.float32), "linear")
+        assert found.record["channels"] == 1
+        assert found.rms == 0
+
+
+@pytest.mark.skipif(renderer_name() is None, reason="no headless OpenGL here")
+def test_it_draws_what_the_preview_draws(browser, bake):
+    """In four views and every mode, within 2 of 255 at 99.5 % of the pixels; and says nothing on the console."""
+    asked = json.dumps({"views": VIEWS, "modes": MODES, "width": SIZE[0], "height": SIZE[1]})
+    drawn = browser.run(
+        f"const asked = {asked}, out = {{}};"
+        "for (const view of asked.views) for (const mode of asked.modes)"
+        "  out[`${view} ${mode}`] = await skinbake.render({ view, mode, width: asked.width, height: asked.height });"
+        "return out;"
+    )
+    assert browser.problems == []
+    read = read_bake_folder(bake)
+    aspect = read.spec.preview.size[0] / read.spec.preview.size[1]
+    with OffscreenRenderer(read.scene) as renderer:
+        for name in VIEWS:
+            for mode in MODES:
+                shown = renderer.draw(
+                    view(read.scene.mesh, name, aspect), SIZE, parse_mode(mode, len(read.scene.lobes))
+                )
+                want = tone_map(shown, read.spec.preview.background_rgb, read.spec.preview.exposure).astype(int)
+                data = drawn[f"{name} {mode}"].partition(",")[2]
+                got = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")).astype(int)
+                near = np.abs(got - want).max(axis=-1) <= 2
+                assert near.mean() >= 0.995, (name, mode)
+                assert want.max() > 60 or mode == "specular"
+
+
+def test_controls_change_the_picture_and_a_link_brings_it_back(browser):
+    """A light's slider, the exposure, the split and the view are in the link; opening it restores them."""
+    found = browser.run("""
+        const at = (id) => document.getElementById(id), picture = () => at("picture").toDataURL();
+        const settled = () => new Promise((r) => setTimeout(r, 400));
+        await settled();
+        const before = picture();
+        at("gain-0").value = 0.5; at("gain-0").oninput();
+        at("exposure").value = 1; at("exposure").oninput();
+        at("split").click();
+        at("view").value = "left"; at("view").onchange();
+        await settled();
+        const changed = picture();
+        at("link").click();
+        await settled();
+        const link = location.hash;
+        at("gain-0").value = 2; at("gain-0").oninput(); at("split").click();
+        await settled();
+        const other = picture();
+        location.hash = "";
+        location.hash = link;
+        await settled();
+        return { link, changes: before !== changed, differs: changed !== other, returns: picture() === changed,
+                 gain: at("gain-value-0").textContent, divider: at("divider").hidden };
+    """)
+    assert "gains=0.5%2C1" in found["link"]
+    assert "mode=full" in found["link"]
+    assert {key: found[key] for key in ("changes", "differs", "returns", "gain", "divider")} == {
+        "changes": True, "differs": True, "returns": True, "gain": "0.50", "divider": False,
+    }  # fmt: skip
+
+
+def test_a_lost_context_comes_back(browser):
+    """The driver may take the context away: the page says so, and draws the same again."""
+    found = browser.run("""
+        const ask = { view: "front", mode: "full", width: 60, height: 60 };
+        const before = await skinbake.render(ask);
+        const loss = document.getElementById("picture").getContext("webgl2").getExtension("WEBGL_lose_context");
+        loss.loseContext();
+        await until(() => !skinbake.ready());
+        const told = document.getElementById("note").textContent;
+        loss.restoreContext();
+        await until(() => skinbake.ready());
+        return { told, same: before === await skinbake.render(ask) };
+    """)
+    assert found == {"told": "The graphics driver was reset ...", "same": True}
