@@ -60,6 +60,8 @@ class BakedSkin:
         `storage`, and the number of `probes`. None where the look asks for none.
     plan : tuple of Decision
         What was decided, `term`, `enabled` and `why`.
+    transmits : bool
+        Whether the last lobe is light through thin parts.
     """
 
     def __init__(
@@ -72,8 +74,10 @@ class BakedSkin:
         weight_rgb: Float,
         error: MeasuredError | None,
         plan: tuple[Decision, ...],
+        transmits: bool = False,
     ) -> None:
         self.look, self.lights, self.tiles, self.error, self.plan = look, lights, tiles, error, plan
+        self.transmits = transmits
         self.variance_mm2, self.weight_rgb = variance_mm2, weight_rgb
         self._pixels = pixels
 

@@ -18,6 +18,7 @@ from skinbake.diffuse.light_entering import albedo_of
 from skinbake.errors import InputError
 from skinbake.io.exr import channel_of, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
+from skinbake.io.lobes import is_transmission
 from skinbake.io.manifest import NAME, read_manifest, spec_of
 from skinbake.io.scene_files import read_scene
 from skinbake.scene.decision import Decision
@@ -53,6 +54,7 @@ def open_bake(folder: Path | str) -> BakedSkin:
         np.array([lobe["weight_rgb"] for lobe in manifest["lobes"]], np.float64),
         MeasuredError(**{name: error[name] for name in MeasuredError.__dataclass_fields__}) if error else None,
         tuple(Decision.from_record(line) for line in manifest["plan"]),
+        is_transmission(manifest["lobes"][-1]["method"]),
     )
 
 

@@ -61,7 +61,7 @@ def bake(look: SceneSpec | Path | str, verbosity: int = 0) -> BakedSkin:
         baked = pipeline.bake(stages)
     lobes = baked.diffuse.lobes
     return BakedSkin(
-        spec,
+        inputs.spec,
         _MemoryPixels(inputs, stages, baked),
         tuple(light.name for light in spec.lights),
         inputs.tiles,
@@ -69,6 +69,7 @@ def bake(look: SceneSpec | Path | str, verbosity: int = 0) -> BakedSkin:
         np.array([lobe.weight_rgb for lobe in lobes]),
         baked.diffuse.error,
         baked.plan,
+        lobes[-1].transmitted,
     )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from skinbake.cli.options import quiet_option
+from skinbake.cli.options import bake_folder, quiet_option
 
 
 @click.command("export")
@@ -18,9 +18,10 @@ from skinbake.cli.options import quiet_option
 @click.option("--web", is_flag=True, help="head.html: one page that shows the bake in any browser, no network.")
 @quiet_option
 def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, web: bool, verbosity: int) -> None:
-    """Write what the bake in FOLDER holds in forms that need no skinbake. The bake is only read.
+    """Write what the bake in FOLDER, or of the look FOLDER.yaml, holds in forms that need no skinbake.
 
-    Files of an earlier export are replaced; a file that no export has made is never.
+    The bake is only read. Exports of one bake may be added to one another; those of another bake are replaced, and
+    what is left of it is removed. A file that no export has made is never touched.
     """
     from skinbake.api import open_bake
     from skinbake.errors import InputError, printable
@@ -30,11 +31,18 @@ def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, web: b
     from skinbake.export.web import NAME as PAGE
     from skinbake.export.web import write_web
     from skinbake.io.export_list import keep_export_list, refuse_foreign
+    from skinbake.io.manifest import NAME as MANIFEST
 
     if not (summed or layers or gltf or web):
         raise InputError("export: expected one or more of --sum, --layers, --gltf and --web, got none")
     if not to:
         raise InputError("--to: expected a folder, got an empty name")
+    folder = bake_folder(folder)
+    folder = str(Path(folder).parent) if Path(folder).name == MANIFEST else folder
+    if not Path(folder).is_dir():
+        raise InputError(
+            f"{folder}: expected a bake folder, found none; `skinbake bake CONFIG --out {folder}` makes one"
+        )
     baked, target = open_bake(folder), Path(to)
     names = [*(sum_names(baked) if summed else ()), *(layer_names(baked) if layers else ()), *([NAME] if gltf else ())]
     names += [PAGE] if web else []

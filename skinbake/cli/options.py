@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -61,6 +62,15 @@ set_option = click.option(
 out_option = click.option("--out", type=Output(file_okay=False), help="Folder to write to, instead of output.dir.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Report as JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Run every stage, also those whose inputs have not changed.")
+
+
+def bake_folder(path: str) -> str:
+    """Where a bake lies that is named by its folder or by its look."""
+    if Path(path).suffix.lower() not in (".yaml", ".yml") or Path(path).is_dir():
+        return path
+    from skinbake.io.config import load_look
+
+    return load_look(path, files=False).output.dir
 
 
 def quiet_option(command: Command) -> Command:

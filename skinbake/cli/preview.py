@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from skinbake.cli.options import Output, Within, quiet_option
+from skinbake.cli.options import Output, Within, bake_folder, quiet_option
 from skinbake.errors import InputError, printable
 
 
@@ -53,10 +53,7 @@ def command(
     """
     from skinbake.preview.platform import has_display
 
-    if Path(folder).suffix.lower() in (".yaml", ".yml") and not Path(folder).is_dir():
-        from skinbake.io.config import load_look
-
-        folder = load_look(folder, files=False).output.dir
+    folder = bake_folder(folder)
     gains = parse_lights(lights)
     pixels = parse_size(size) if size else None
     pictures = bool(out or png or exr or views or turntable or compare)

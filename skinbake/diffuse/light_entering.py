@@ -38,7 +38,7 @@ from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
-from skinbake.scene.lights import EnvironmentLight, LightSpec
+from skinbake.scene.lights import LightSpec
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
@@ -106,7 +106,7 @@ def light_entering(
     shifts, shifted, lines = _decide_beam(spec, scene, atlas, irradiance, gaussians, medium)
     plan += lines
     light, further = {}, {}
-    lamps = any(not isinstance(of, EnvironmentLight) for of in spec.lights if of.name in slanted)
+    lamps = any(not of.everywhere for of in spec.lights if of.name in slanted)
     for k, (raster, tile) in enumerate(zip(atlas, irradiance, strict=True)):
         normal = shading_normals(raster, scene.mesh, scene.maps)[1] if lamps else np.zeros((1, 1, 3), np.float32)
         out = np.zeros((len(names) if decisions.separate_lights else 1, *raster.shape, 3), np.float32)

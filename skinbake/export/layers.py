@@ -21,9 +21,9 @@ def layer_names(baked: BakedSkin) -> list[str]:
 
 
 def write_layers(baked: BakedSkin, folder: Path) -> None:
-    """Write `irradiance.exr`, `irradiance.LIGHT.exr`, `lobe_N.exr` and `lobe_N.LIGHT.exr`, a tile each where there are.
+    """Write `irradiance.exr`, `lobe_N.exr` and `transmission.exr`, and each light of them as `lobe_N.LIGHT.exr`.
 
-    Channels are R, G, B, one part a file, linear Rec.709, half floats. Light through thin parts is the last lobe.
+    Channels are R, G, B, one part a file, linear Rec.709, half floats; a file a tile where there are tiles.
 
     Parameters
     ----------
@@ -59,8 +59,9 @@ def _layers(baked: BakedSkin) -> Iterator[tuple[str, int | None, str | None]]:
         yield _name("irradiance", light), None, light
     stored = baked.lights if baked.look.output.separate_lights else ()
     for lobe in range(len(baked.weight_rgb)):
+        last = lobe == len(baked.weight_rgb) - 1
         for light in (None, *stored):
-            yield _name(f"lobe_{lobe}", light), lobe, light
+            yield _name("transmission" if last and baked.transmits else f"lobe_{lobe}", light), lobe, light
 
 
 def _name(stem: str, light: str | None) -> str:

@@ -9,9 +9,23 @@ from pathlib import Path
 import skinbake
 from skinbake.errors import InputError
 from skinbake.io.atomic import write_text
+from skinbake.io.digests import key_of
 from skinbake.io.manifest import NAME as MANIFEST
+from skinbake.io.manifest import read_manifest
 
 NAME = "export.json"
+
+
+def bake_digest(bake: Path) -> str:
+    """What tells one bake from another: its look, the contents of its files, and its lobes; not how long it took.
+
+    Raises
+    ------
+    InputError
+        There is none, or it is damaged.
+    """
+    manifest = read_manifest(bake)
+    return key_of([manifest[name] for name in ("config", "inputs", "lobes", "lights")])
 
 
 def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
@@ -41,7 +55,9 @@ def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
 
 
 def keep_export_list(folder: Path, names: Sequence[str], bake: Path) -> None:
-    """Write down, before they are there, which files an export makes; those of earlier exports stay listed.
+    """Write down, before they are there, which files an export makes, and remove what is left of another bake.
+
+    Files that an earlier export of the same bake made stay, and stay listed.
 
     Parameters
     ----------
@@ -55,15 +71,20 @@ def keep_export_list(folder: Path, names: Sequence[str], bake: Path) -> None:
     InputError, MachineError
         As `write_text`.
     """
-    files = sorted({*names, *_listed(folder), NAME})
-    record = {"version": skinbake.__version__, "bake": str(bake.resolve()), "files": files}
+    digest, earlier = bake_digest(bake), _listed(folder)
+    stale = [name for name, of in earlier.items() if of != digest and name not in (*names, NAME)]
+    files = {name: of for name, of in earlier.items() if of == digest} | dict.fromkeys((*names, NAME), digest)
+    for name in stale:
+        (folder / name).unlink(missing_ok=True)
+    record = {"version": skinbake.__version__, "bake": str(bake.resolve()), "files": dict(sorted(files.items()))}
     write_text(folder / NAME, json.dumps(record, indent=1) + "\n")
 
 
-def _listed(folder: Path) -> list[str]:
-    """Files that the last export's list names; none where there is no list, or a damaged one."""
+def _listed(folder: Path) -> dict[str, str]:
+    """Files that the last export's list names, and the bake of each; none where there is no list, or a damaged one."""
     try:
         files = json.loads((folder / NAME).read_text(encoding="utf-8"))["files"]
     except (OSError, ValueError, LookupError, TypeError):
-        return []
-    return [name for name in files if isinstance(name, str)] if isinstance(files, list) else []
+        return {}
+    plain = isinstance(files, dict) and all(Path(name).name == name for name in files)  # nothing outside the folder
+    return {name: str(of) for name, of in files.items()} if plain else {}

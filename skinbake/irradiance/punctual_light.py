@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE
+from skinbake.errors import InputError
 from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.oil_albedo import OilLayer, albedo_at
 from skinbake.irradiance.shadow_origin import SubdividedMesh, SurfaceTexels, point_of
@@ -28,8 +29,8 @@ def emitter(light: LightSpec, centre_mm: Float) -> Float:
 
     Raises
     ------
-    TypeError
-        If the light is not directional, point or spot.
+    InputError
+        The light is not directional, point or spot.
     """
     if isinstance(light, DirectionalLight):
         return np.array([DIRECTIONAL, *(-normalized(light.direction)), 0, 0, 0, -2, -3, 0], dtype=np.float64)
@@ -38,7 +39,7 @@ def emitter(light: LightSpec, centre_mm: Float) -> Float:
         return np.array([POINT, *(light.position_mm - centre_mm), *normalized(light.axis), *cone, 0])
     if isinstance(light, PointLight):
         return np.array([POINT, *(light.position_mm - centre_mm), 0, 0, 0, -2, -3, 0], dtype=np.float64)
-    raise TypeError(f"not a light of one direction: {type(light).__name__}")
+    raise InputError(f"light {light.name}: expected a directional, point or spot light here, got {light.type}")
 
 
 def colour(light: Any) -> Float:

@@ -20,7 +20,7 @@ from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
 from skinbake.profile.incidence import Incidence
 from skinbake.scene.decision import Decision
-from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
+from skinbake.scene.lights import LightSpec, RectangleLight
 
 Image = NDArray[np.float32]
 
@@ -54,7 +54,7 @@ def slant_rms(slant: Slant, light: LightSpec) -> float:
     slant : Slant
     light : LightSpec
     """
-    if isinstance(light, EnvironmentLight):
+    if light.everywhere:
         return float(np.sqrt(((slant.diffuse_rgb - 1) ** 2).mean()))
     cosine = np.linspace(0, 1, len(slant.factor_rgb))[:, None]
     # Irradiance is proportional to the cosine; a ball shows each cosine on an equal area
@@ -73,7 +73,7 @@ def decide_incidence(light: LightSpec, slant: Slant, switch: str, tolerance: flo
     tolerance : float
     """
     rms = slant_rms(slant, light)
-    which = "from everywhere" if isinstance(light, EnvironmentLight) else "at a slant"
+    which = "from everywhere" if light.everywhere else "at a slant"
     why = f"{switch}: light {which} comes back otherwise by {rms:.2%} (rms), tolerance {tolerance:.2%}"
     return Decision(f"{light.name}.incidence", switch == "on" or rms > tolerance, why)
 
@@ -96,7 +96,7 @@ def apply_slant(
     slant : Slant
     out : ndarray of shape (H, W, 3), float32, changed in place
     """
-    if isinstance(light, EnvironmentLight):
+    if light.everywhere:
         out *= slant.diffuse_rgb.astype(np.float32)
         return
     if isinstance(light, RectangleLight):

@@ -48,7 +48,7 @@ def unreached(
             radiance = skies[light.name].max() if light.name in skies else max(light.radiance or (0.0,))
             most[light.name] = float(radiance) * light.scale * np.pi
             why = "it is black"
-        else:
+        elif not light.everywhere:
             arriving, why = (
                 _rectangle(light, point, outwards)
                 if isinstance(light, RectangleLight)
@@ -63,7 +63,7 @@ def unreached(
                 arriving[lit[blocked]] = 0
                 why = "what casts shadows stands in its way everywhere; check mesh.cast and occluders"
             most[light.name] = float(arriving.max())
-        if most[light.name] <= 0:
+        if most.get(light.name, 1.0) <= 0:
             found[light.name] = why
     brightest = max(most.values(), default=0.0)
     for name, value in most.items():

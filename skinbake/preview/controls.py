@@ -10,7 +10,7 @@ import numpy as np
 from skinbake.numerics import Float
 from skinbake.preview.mode import Mode
 from skinbake.preview.scene import PreviewScene
-from skinbake.scene.lights import DirectionalLight, EnvironmentLight, LightSpec, RectangleLight, SpotLight
+from skinbake.scene.lights import DirectionalLight, LightSpec, RectangleLight, SpotLight
 
 GAIN_STEP = 2**0.25
 EXPOSURE_STEP = 0.25
@@ -129,11 +129,11 @@ def turned_light(light: LightSpec, degrees: float, about_mm: Float) -> LightSpec
         """A vector of the light, turned."""
         return tuple(float(x) for x in turn @ np.array(getattr(light, name), float))
 
-    if isinstance(light, EnvironmentLight):
+    if light.everywhere:
         return light
     if isinstance(light, DirectionalLight):
         return light.model_copy(update={"direction": vector("direction")})
-    at = about_mm + turn @ (np.array(light.position_mm, float) - about_mm)
+    at = about_mm + turn @ (_place(light) - about_mm)
     update = {"position_mm": tuple(float(x) for x in at)}
     if isinstance(light, SpotLight):
         update["axis"] = vector("axis")
@@ -144,9 +144,10 @@ def turned_light(light: LightSpec, degrees: float, about_mm: Float) -> LightSpec
 
 def _place(light: LightSpec) -> Float:
     """Direction or position of a light, by which it is told whether it was moved, shape (3,)."""
-    if isinstance(light, EnvironmentLight):
+    if light.everywhere:
         return np.zeros(3)
-    return np.array(light.direction if isinstance(light, DirectionalLight) else light.position_mm, dtype=np.float64)
+    at = light.direction if isinstance(light, DirectionalLight) else light.position_mm  # type: ignore[union-attr]
+    return np.array(at, dtype=np.float64)
 
 
 def overlay(controls: Controls, scene: PreviewScene, frames_per_second: float) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.numerics import Float, normalized
 from skinbake.preview.scene import PreviewScene
-from skinbake.scene.lights import DirectionalLight, EnvironmentLight, LightSpec, PointLight, RectangleLight, SpotLight
+from skinbake.scene.lights import DirectionalLight, LightSpec, PointLight, RectangleLight, SpotLight
 
 DIRECTIONAL, POINT, SPOT, FACET, ENVIRONMENT = range(5)  # kinds, also in the shader
 _UP = (0.0, 1.0, 0.0)
@@ -73,7 +73,7 @@ def shader_lights(lights: Sequence[LightSpec]) -> tuple[ShaderLight, ...]:
             for su, sv in ((-1, -1), (1, -1), (-1, 1), (1, 1)):
                 at = np.array(light.position_mm, float) + su * u / 4 + sv * v / 4
                 found.append(ShaderLight(FACET, index, at, normalized(area_vector), (0.0, 1.0), power))
-        elif isinstance(light, EnvironmentLight):
+        elif light.everywhere:
             found.append(ShaderLight(ENVIRONMENT, index, np.array(_UP), np.array(_UP), (0.0, 1.0), np.ones(3)))
     return tuple(found)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -22,6 +22,8 @@ Direction = Annotated[Vector, AfterValidator(_has_length)]
 
 
 class _Light(Strict):
+    everywhere: ClassVar[bool] = False  # no direction or position: it comes from all sides at once
+
     name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
     shadows: bool | None = None  # None: as the look's `shadows`
 
@@ -81,6 +83,8 @@ class EnvironmentLight(_Light):
     `radiance` gives a constant environment in place of a map. `rotate_deg` turns the map about +y, +z towards +x.
     `clamp` limits each channel of each texel, before `scale`; `color_space` and `layer` are as those of a map.
     """
+
+    everywhere: ClassVar[bool] = True
 
     type: Literal["environment"]
     path: str | None = None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skinbake.irradiance.punctual_light import emitter, towards
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
-from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
+from skinbake.scene.lights import LightSpec, RectangleLight
 from skinbake.scene.mesh import SkinMesh
 from skinbake.transport.light_leaving import points_of
 from skinbake.transport.surface_rays import SurfaceRays, first_hit, ray_buffer
@@ -105,7 +105,7 @@ def _sources(lights: Sequence[LightSpec], centre_mm: Float) -> Float:
     """Lights that have shadow edges, as `emitter` gives them; a rectangle as a point at its centre."""
     found = []
     for light in lights:
-        if isinstance(light, EnvironmentLight):
+        if light.everywhere:
             continue
         if isinstance(light, RectangleLight):
             position = np.asarray(light.position_mm) - centre_mm

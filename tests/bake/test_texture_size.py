@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 import skinbake
@@ -69,3 +70,11 @@ def test_the_stages_alone_agree_on_the_size(folder, tmp_path):
     theirs = str(folder / "off" / "irradiance.exr")
     assert run(["diffuse", str(folder / "me.yaml"), theirs, "--out", str(tmp_path / "c"), *quick]) == 0
     assert json.loads((tmp_path / "c" / "bake.json").read_text())["config"]["texture"]["size"] == [1024, 2048]
+
+
+def test_a_bake_in_memory_has_the_size_of_the_one_on_the_disk(folder):
+    """Also where the tolerance chose it."""
+    ours = skinbake.bake(skinbake.load_look(folder / "me.yaml"))
+    theirs = skinbake.open_bake(folder / "out")
+    np.testing.assert_array_equal(ours.radiant_exitance(), theirs.radiant_exitance())
+    assert ours.plan == theirs.plan

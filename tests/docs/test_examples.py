@@ -8,7 +8,9 @@ import sys
 
 import pytest
 
+from skinbake.io.mesh import write_obj
 from tests.conftest import ROOT
+from tests.shapes import sphere
 
 TEXT = (ROOT / "skinbake" / "docs" / "architecture.md").read_text()
 EXAMPLES = {
@@ -17,27 +19,30 @@ EXAMPLES = {
     if "```diff" in part
 }
 LOOK = """\
-mesh: {path: head.obj, unit: mm}
+mesh: {path: ball.obj, unit: mm, any_size: true}
+texture: {size: 32}
 skin: {preset: jensen-skin1}
 lights: [{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]
+diffusion: {tolerance: 0.5, probes: 50}
 output: {dir: out}
 """
 LOAD = """
 import sys
 from skinbake.io.config import load_look
 from skinbake.profile import fit_skin
-import skinbake.irradiance.light_texels, skinbake.preview.shader_light, skinbake.preview.controls
-look = load_look(sys.argv[1], files=False)
+look = load_look(sys.argv[1])
 print([light.type for light in look.lights], fit_skin(look.skin).gaussians.model, look.diffusion.method)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_applies_and_its_look_is_understood(name, tmp_path):
     """The diff fits the package of today, keeps its lint rules, and the YAML below it names what it adds."""
     shutil.copytree(ROOT / "skinbake", tmp_path / "skinbake", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    write_obj(tmp_path / "ball.obj", sphere(60.0, "latlong", 24))
     (diff,) = (block for kind, block in EXAMPLES[name] if kind == "diff")
     (yaml,) = (block for kind, block in EXAMPLES[name] if kind == "yaml")
     applied = subprocess.run(
@@ -58,5 +63,12 @@ def test_an_example_applies_and_its_look_is_understood(name, tmp_path):
         env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(tmp_path)},
     )  # fmt: skip
     assert loaded.returncode == 0, loaded.stderr
+    for verb in (["check"], ["bake"], *([["truth", "--points", "4", "--walks", "4"]] if key == "diffusion" else [])):
+        done = subprocess.run(
+            [sys.executable, "-m", "skinbake", *verb, "look.yaml"], capture_output=True, text=True, cwd=tmp_path,
+            env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(tmp_path), "HOME": os.environ["HOME"]},
+        )  # fmt: skip
+        assert done.returncode in (0, 1), done.stderr  # 1: a tolerance was missed
+        assert "Traceback" not in done.stderr
     added = {"skin": "exponential", "lights": "fill", "diffusion": "mean"}[key]
     assert added in loaded.stdout

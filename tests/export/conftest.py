@@ -19,6 +19,7 @@ lights:
   - {name: key, type: directional, direction: [-0.6, 0, -0.8], irradiance: [1, 2, 3]}
   - {name: lamp, type: point, position_mm: [10, 20, 60], intensity: [900, 800, 700]}
 diffusion: {method: texture, tolerance: 0.9, probes: 50}
+terms: {transmission: on}
 output: {dir: out}
 """
 

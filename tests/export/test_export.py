@@ -33,8 +33,9 @@ def test_layers_and_sum_are_what_the_bake_holds(bake, tmp_path):
     lobes = range(len(baked.weight_rgb))
     images = {"irradiance": baked.irradiance(), "sum": baked.radiant_exitance()}
     images |= {f"irradiance.{light}": baked.irradiance(light) for light in baked.lights}
-    images |= {f"lobe_{i}": baked.lobe(i) for i in lobes}
-    images |= {f"lobe_{i}.{light}": baked.lobe(i, light) for i in lobes for light in baked.lights}
+    names = [f"lobe_{i}" for i in lobes[:-1]] + ["transmission"]  # as the bake calls them
+    images |= {names[i]: baked.lobe(i) for i in lobes}
+    images |= {f"{names[i]}.{light}": baked.lobe(i, light) for i in lobes for light in baked.lights}
     assert {path.stem for path in (tmp_path / "x").glob("*.exr")} == set(images)
     for name, image in images.items():
         source = oiio.ImageInput.open(str(tmp_path / "x" / f"{name}.exr"))
@@ -99,17 +100,19 @@ def test_an_export_again_is_the_same_and_only_its_own_files_are_replaced(bake, t
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--to", "x"], "expected one or more of --sum, --layers and --gltf"),
+        (["--to", "x"], "expected one or more of --sum, --layers, --gltf and --web"),
         (["--to", "", "--sum"], "--to: expected a folder, got an empty name"),
         (["--to", "{bake}", "--sum"], "expected a folder of its own to export to, got one with a bake"),
         (["--to", "{bake}/bake.json", "--sum"], "expected a folder to export to, got a file"),
+        (["--to", "x", "--sum", "nothing"], "nothing: expected a bake folder, found none; `skinbake bake CONFIG"),
     ],
 )
 def test_what_cannot_be_exported_is_said(bake, arguments, says, capsys, tmp_path, monkeypatch):
     """With exit code 2, before anything is written."""
     monkeypatch.chdir(tmp_path)
     before = contents(bake)
-    assert run(["export", str(bake), *(a.replace("{bake}", str(bake)) for a in arguments)]) == 2
+    source = [] if "nothing" in arguments else [str(bake)]
+    assert run(["export", *source, *(a.replace("{bake}", str(bake)) for a in arguments)]) == 2
     assert says in capsys.readouterr().err
     assert contents(bake) == before
     assert not list(tmp_path.iterdir())
@@ -129,3 +132,17 @@ def test_a_bake_with_summed_lights_has_no_lobe_a_light(bake, tmp_path):
     assert {"irradiance.exr", "irradiance.key.exr", "lobe_0.exr", "lobe_1.exr"} <= names
     assert not [name for name in names if name.startswith("lobe_") and "key" in name]
     assert list(read_parts(tmp_path / "x" / "lobe_0.exr")) == [""]
+
+
+def test_what_is_left_of_another_bake_goes(bake, tmp_path):
+    """Exports of one bake add up, named by its folder, its manifest or its look; a changed one takes their place."""
+    to = ["--to", str(tmp_path / "x"), "--quiet"]
+    look = str(bake.parent / "me.yaml")
+    assert run(["export", str(bake), *to, "--layers"]) == 0
+    assert run(["export", str(bake / "bake.json"), *to, "--sum"]) == 0
+    assert run(["export", look, *to, "--gltf"]) == 0
+    assert {"lobe_0.exr", "sum.exr", "skin.glb"} <= set(contents(tmp_path / "x"))
+    other = ["--set", "lights.key.irradiance=[3,2,1]", "--out", str(tmp_path / "b"), "--no-preview", "--quiet"]
+    assert run(["bake", look, *other]) == 0
+    assert run(["export", str(tmp_path / "b"), *to, "--sum"]) == 0
+    assert set(contents(tmp_path / "x")) == {"sum.exr", "sum.png", "export.json"}

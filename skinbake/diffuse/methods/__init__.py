@@ -14,7 +14,7 @@ from skinbake.scene.spec import AUTO
 
 IDENTITY, REFERENCE = Identity(), Reference()
 
-# In the order in which `auto` considers and `--help` lists them
+# In the order in which `auto` considers and messages list them
 METHODS: dict[str, DiffusionMethod] = {
     method.name: method
     for method in (
