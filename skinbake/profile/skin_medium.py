@@ -13,7 +13,16 @@ from skinbake.profile.from_skin import as_layer
 from skinbake.profile.incidence import WALKS, Incidence, reflect_slanted
 from skinbake.profile.layers import Layer, without_empty
 from skinbake.profile.medium import Medium
-from skinbake.scene.skin import BurleySkin, DipoleSkin, MultipoleSkin, PhysiologySkin, SkinSpec, TransportSkin
+from skinbake.scene.skin import (
+    BurleySkin,
+    DipoleSkin,
+    GaussiansSkin,
+    MultipoleSkin,
+    PhysiologySkin,
+    SkinSpec,
+    TableSkin,
+    TransportSkin,
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +78,7 @@ def skin_medium(skin: SkinSpec) -> SkinMedium:
         from skinbake.profile.spectrum import WAVELENGTH_NM, reflectance_to_rgb
 
         return SkinMedium(without_empty(physiological_layers(skin, WAVELENGTH_NM)), reflectance_to_rgb())
-    if skin.medium is not None:
+    if isinstance(skin, GaussiansSkin | TableSkin) and skin.medium is not None:
         return replace(skin_medium(skin.medium), named=True)
     return SkinMedium(why=f"model {skin.model} gives a profile, and skin.medium names no medium")
 
