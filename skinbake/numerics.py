@@ -36,6 +36,15 @@ def safe_div(num: ArrayLike, den: ArrayLike) -> Float:
     return np.divide(num, den, out=np.zeros(num.shape), where=den != 0)
 
 
+def norm_of_all(values: ArrayLike) -> float:
+    """Root of the sum of all squares, added in an order that is the same whatever the number of BLAS's threads.
+
+    `np.linalg.norm` has BLAS multiply an array with itself, which divides a long one among threads.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    return float(np.sqrt(np.sum(values * values)))
+
+
 def normalized(vectors: ArrayLike) -> Float:
     """Vectors of shape (..., 3) scaled to length 1; a zero vector stays zero."""
     vectors = np.asarray(vectors, dtype=np.float64)

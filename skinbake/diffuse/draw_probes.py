@@ -53,7 +53,7 @@ def draw_probes(
     sums = {tile: _block_sums(p.area_mm2, preference[tile], most) for tile, p in points.items()}
     area, preferred, _ = np.sum([each.sum(axis=0) for each in sums.values()], axis=0)
     rates = (0.5 / area, 0.5 / preferred) if preferred > 0 else (1 / max(area, 1e-30), 0.0)
-    chance = np.cumsum(np.concatenate([each[:, :2] @ rates for each in sums.values()]))
+    chance = np.cumsum(np.concatenate([each[:, 0] * rates[0] + each[:, 1] * rates[1] for each in sums.values()]))
     if len(chance) == 0 or chance[-1] <= 0:
         count = 0
     drawn = np.sort(rng.random(count) * (chance[-1] if count else 0.0))

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from skinbake.diffuse.diffuse_map import MeasuredError
-from skinbake.numerics import Float
+from skinbake.numerics import Float, norm_of_all
 
 
 def relative_rms(got: Float, want: Float, scale: Float | None = None) -> float:
     """||got - want|| / ||scale or want||; 0 where both are nothing."""
-    norm = float(np.linalg.norm(want if scale is None else scale))
-    difference = float(np.linalg.norm(got - want))
+    norm = norm_of_all(want if scale is None else scale)
+    difference = norm_of_all(got - want)
     return difference / norm if norm > 0 else (0.0 if difference == 0 else float("inf"))
 
 

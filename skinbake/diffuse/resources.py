@@ -79,7 +79,9 @@ class LobeResources:
         for _, _, pyramid in self.lit.values():
             blocks = slice(pyramid.start[-1], None)
             weight = pyramid.moments[blocks, 0].astype(np.float64)
-            total, area = total + weight @ pyramid.radiosity[blocks].astype(np.float64), area + weight.sum()
+            # Not by BLAS, whose threads would divide the sum
+            total += (weight[:, None] * pyramid.radiosity[blocks]).sum(axis=0)
+            area += weight.sum()
         return [float(mean) for mean in (total / max(area, 1e-30)).reshape(self.lights, 3).mean(axis=1)]
 
     def sums_texels(self, variance_mm2: float, spacing: float) -> bool:

@@ -18,7 +18,7 @@ from skinbake.irradiance.harmonics import harmonic_matrix, light_by_harmonics
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.surface import scattered_origins
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float
+from skinbake.numerics import Float, norm_of_all
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.mesh import SkinMesh
@@ -193,10 +193,10 @@ def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[n
 
 def _relative(found: Image | Float, exact: Image | Float) -> float:
     """Rms of the difference over the rms of the exact; 0 where both are black."""
-    difference = np.linalg.norm(np.asarray(found, np.float64) - exact)
+    difference = norm_of_all(np.asarray(found, np.float64) - exact)
     if difference == 0:
         return 0.0
-    whole = np.linalg.norm(np.asarray(exact, np.float64))
+    whole = norm_of_all(exact)
     return float(difference / whole) if whole > 0 else float("inf")
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skinbake.numerics import Float
+from skinbake.numerics import Float, norm_of_all
 
 LIMITS = (0.05, 0.02, 0.01, 0.005)
 
@@ -73,10 +73,10 @@ def difference(values: Float, wanted: Float) -> tuple[float, float, float]:
         If the reference is black.
     """
     off = np.abs(values - wanted)
-    norm, mean = float(np.linalg.norm(wanted)), float(np.mean(np.abs(wanted)))
+    norm, mean = norm_of_all(wanted), float(np.mean(np.abs(wanted)))
     if norm == 0 or mean == 0:
         raise ValueError("difference: expected a reference with some light")
-    return float(np.linalg.norm(off)) / norm, float(np.percentile(off, 95)) / mean, float(off.max()) / mean
+    return norm_of_all(off) / norm, float(np.percentile(off, 95)) / mean, float(off.max()) / mean
 
 
 def pareto_front(rows: Sequence[Row]) -> list[Row]:

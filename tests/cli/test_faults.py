@@ -265,3 +265,17 @@ def test_a_cut_file_is_made_anew(bakes):
         answer = bakes()
         assert answer["code"] == 0, (name, answer)
         assert contents(bakes.out) == want, name
+
+
+@pytest.mark.slow  # two processes, each with another number of threads
+def test_bytes_are_the_same_whatever_the_number_of_threads(bakes):
+    """Of the kernels and of BLAS, which divides long sums among its own: 2000 probes of two lights make some."""
+    command = [sys.executable, "-m", "skinbake", "bake", str(bakes.folder / "look.yaml"), "--no-preview", "--quiet"]
+    left = []
+    for threads in ("1", "2"):
+        out = bakes.folder / f"of_{threads}"
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads}
+        more = ["--set", "diffusion.probes=2000", "--out", str(out)]
+        subprocess.run([*command, *more], cwd=ROOT, env=environment, check=True)
+        left.append(contents(out))
+    assert left[0] == left[1]
