@@ -10,16 +10,20 @@ import contextlib
 import logging
 import platform
 import threading
+import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from skinbake.batch.dask_workers import DaskWorkers
 from skinbake.batch.process_pool import Listen, Work, fewer_threads
 from skinbake.errors import InputError, MachineError, SkinbakeError
 from skinbake.interrupt import starting_children
 
 LOCAL = "local"
 CONNECT_S = 15
+LOOK_S = 0.25  # between two looks at who is there
+WAIT_SAID_S = 5.0  # between two lines that say what is waited for
 _ONE_BAKE = threading.Lock()  # kernels use every thread of a process: a worker with several would run them at once
 
 
@@ -57,28 +61,80 @@ def run_on_dask(
         The extra `farm` is not installed, or no scheduler answers.
     """
     with _client(address, workers) as client:
-        from distributed import as_completed
-
         topic = f"skinbake-{uuid.uuid4().hex}"
         client.subscribe_topic(topic, lambda event: listen(event[1]["name"], event[1]))
-        futures = {
-            client.submit(
-                _on_worker, work, payload, name, topic, key=f"{name}-{topic}", retries=retries, pure=False
-            ): name
-            for name, payload in payloads.items()
-        }
-        results: dict[str, dict[str, Any]] = {}
-        for future in as_completed(list(futures)):
-            name = futures[future]
+
+        def submit(name: str, fit: list[str], number: int) -> Any:
+            how = {"retries": retries, "workers": fit, "pure": False, "key": f"{name}-{topic}-{number}"}
+            return client.submit(_on_worker, work, payloads[name], name, topic, **how)
+
+        results = _run_all(client, list(payloads), submit, lambda why: listen("--dask", {"event": "wait", "why": why}),
+                           listen, keep_going)  # fmt: skip
+    return {name: results.get(name, {"status": "skipped", "error": "an earlier job failed"}) for name in payloads}
+
+
+def _run_all(
+    client: Any,
+    todo: list[str],
+    submit: Callable[[str, list[str], int], Any],
+    say: Callable[[str], None],
+    listen: Listen,
+    keep_going: bool,
+) -> dict[str, dict[str, Any]]:
+    """Give jobs to the workers that fit, as these come and go; the result of each by name.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    todo : list of str
+        Names of jobs.
+    submit : callable
+        Given a job's name, the addresses that may run it and how often jobs were submitted before, its future.
+    say : callable
+        Told what is waited for.
+    listen : callable
+        Takes a job's name and an event.
+    keep_going : bool
+        Go on after a job has failed.
+    """
+    from distributed import wait
+
+    workers, told, said_s = DaskWorkers(client), set[str](), time.monotonic()
+    running: dict[Any, tuple[str, list[str]]] = {}
+    results: dict[str, dict[str, Any]] = {}
+    submitted = 0
+    while todo or running:
+        fit = workers.look()
+        for address in workers.unfit.keys() - told:
+            say(f"{address}: {workers.unfit[address]}")
+            told.add(address)
+        for future, (name, given) in list(running.items()):
+            if not fit.keys() & set(given) and not future.done():  # all that might have run it are gone
+                future.cancel()
+                del running[future]
+                todo.insert(0, name)
+        while todo and len(running) < sum(fit.values()):
+            name = todo.pop(0)
+            running[submit(name, list(fit), submitted)] = name, list(fit)
+            submitted += 1
+        if not running and time.monotonic() - said_s > WAIT_SAID_S:
+            others = f", none of {len(workers.unfit)} fits" if workers.unfit else ""
+            say(f"waiting for workers{others}; `dask worker ADDRESS` starts one")
+            said_s = time.monotonic()
+        with contextlib.suppress(TimeoutError):
+            if running:
+                wait(list(running), timeout=LOOK_S, return_when="FIRST_COMPLETED")
+            else:
+                time.sleep(LOOK_S)
+        for future in [future for future in running if future.done()]:
+            name, _ = running.pop(future)
             results[name] = _result(future)
             listen(name, {"event": "end", **results[name]})
             future.release()
             if results[name]["status"] == "failed" and not keep_going:
-                break
-        left = [future for future, name in futures.items() if name not in results]
-        if left:
-            client.cancel(left)
-    return {name: results.get(name, {"status": "skipped", "error": "an earlier job failed"}) for name in payloads}
+                client.cancel(list(running))
+                return results
+    return results
 
 
 def _result(future: Any) -> dict[str, Any]:

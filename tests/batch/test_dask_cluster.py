@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import signal
 import socketserver
 import subprocess
@@ -26,17 +27,18 @@ from skinbake.batch.dask_cluster import run_on_dask
 from tests.batch.fake_jobs import work
 if __name__ == "__main__":
     address, payloads = sys.argv[1], json.loads(sys.argv[2])
-    dask_cluster.CONNECT_S, events = 5, []
-    listen = lambda name, event: events.append((name, event["event"]))
+    dask_cluster.CONNECT_S, dask_cluster.WAIT_SAID_S, events = 5, 0.5, []
+    listen = lambda name, event: events.append((name, event.get("why", event["event"])))
     found = run_on_dask(address, work, payloads, listen, **json.loads(sys.argv[3]))
     print(json.dumps({"results": found, "events": events}))
 """
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"}
 
 
-def dask(*arguments, cwd=None):
+def dask(*arguments, path=str(ROOT), cwd=None):
     command = [sys.executable, "-m", "dask", *arguments]
-    return subprocess.Popen(command, cwd=cwd, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    environment = ENVIRONMENT | {"PYTHONPATH": path}
+    return subprocess.Popen(command, env=environment, cwd=cwd, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 @pytest.fixture
@@ -134,6 +136,36 @@ def test_a_batch_on_a_farm_leaves_what_one_on_this_machine_does(tmp_path, cluste
     assert [job["status"] for job in report["jobs"]] == ["done"] * 4
     assert report["dask"] == address
     assert not list((tmp_path / "farm").rglob("*.part*"))
+
+
+@pytest.mark.slow
+def test_a_worker_of_other_code_is_told_and_given_no_job(tmp_path):
+    """Before any worker is there that is waited for; the one that fits does everything, also as it joins last."""
+    shutil.copytree(ROOT / "skinbake", tmp_path / "old" / "skinbake", ignore=shutil.ignore_patterns("__pycache__"))
+    with open(tmp_path / "old" / "skinbake" / "numerics.py", "a") as code:
+        code.write("# changed\n")
+    file, log = tmp_path / "scheduler.json", tmp_path / "log"
+    payloads = {f"job{i}": {"value": i, "log": str(log)} for i in range(3)}
+    with ExitStack() as stack:
+        processes = []
+        stack.callback(lambda: [(p.kill(), p.wait()) for p in processes])
+        processes += [
+            dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
+        ]
+        wait_for(lambda: file.exists() and file.read_text().strip().endswith("}"))
+        process = stack.enter_context(client(tmp_path, json.loads(file.read_text())["address"], payloads))
+        for name, path in (("old", f"{tmp_path / 'old'}{os.pathsep}{ROOT}"), ("new", str(ROOT))):
+            time.sleep(3)
+            worker = ["worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+            processes.append(dask(*worker, "--local-directory", str(tmp_path / name), path=path, cwd=tmp_path))
+        out, err = process.communicate(timeout=90)
+    assert process.returncode == 0, err
+    found = json.loads(out.splitlines()[-1])
+    assert [found["results"][name]["status"] for name in payloads] == ["done"] * 3
+    assert {pid for _, _, pid in lines(log)} == {str(processes[-1].pid)}
+    said = [why for name, why in found["events"] if name == "--dask"]
+    assert said[0] == "waiting for workers; `dask worker ADDRESS` starts one"
+    assert any("left out, it runs other skinbake code; update it" in why for why in said)
 
 
 def test_failures_arrive_and_do_not_stop_the_others(tmp_path, cluster):
