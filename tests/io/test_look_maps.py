@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from skinbake.atlas import rasterize
-from skinbake.diffuse.scatter import albedo_of
+from skinbake.diffuse.light_entering import albedo_of
 from skinbake.errors import ConfigError, InputError
 from skinbake.io.colour import srgb_to_linear
 from skinbake.io.config import load_look

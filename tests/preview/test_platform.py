@@ -13,7 +13,7 @@ linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="EGL and
 
 @linux
 @pytest.mark.parametrize(
-    ("installed", "chosen"), [({"EGL", "OSMesa"}, "egl"), ({"EGL"}, "egl"), ({"OSMesa"}, "osmesa")], ids=str
+    ("installed", "chosen"), [(("EGL", "OSMesa"), "egl"), (("EGL",), "egl"), (("OSMesa",), "osmesa")], ids=str
 )
 def test_what_is_installed_is_chosen(monkeypatch, installed, chosen):
     monkeypatch.setenv("PYOPENGL_PLATFORM", "")
