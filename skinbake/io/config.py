@@ -21,6 +21,7 @@ from skinbake.scene.spec import DIFFUSION_METHODS, OF_FILE, SceneSpec
 _PATH_KEYS = re.compile(
     r"mesh\.path|mesh\.opacity(\..+)?|occluders\[\d+\]\.(path|opacity)|maps\.(?!source$|vertex_colors$)\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"
 )
+_TIME = re.compile(r"(mesh|occluders\[\d+\])\.time")
 _FRAME = re.compile(r"#{2,}|%0\d+d|%d")
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}")
 
@@ -142,6 +143,9 @@ def _at_frame(located: Located, number: int) -> Located:
             return {k: visit(v, (*key, k)) for k, v in value.items()}
         if isinstance(value, list):
             return [visit(v, (*key, i)) for i, v in enumerate(value)]
+        if isinstance(value, str) and _TIME.fullmatch(dotted(key)) and _FRAME.fullmatch(value):
+            changed = True
+            return number
         if not _is_path(value, key) or key[0] == "output":
             return value
         named = _FRAME.sub(lambda mark: str(number).zfill(_digits(mark[0])), value)
@@ -150,7 +154,7 @@ def _at_frame(located: Located, number: int) -> Located:
 
     found = {key: visit(value, (key,)) for key, value in located.value.items() if key != "frames"}
     if not changed:
-        raise ConfigError([located.say(("frames",), "expected #### or %04d in the path of a file, got none")])
+        raise ConfigError([located.say(("frames",), "expected #### or %04d in a path, or as mesh.time, got none")])
     output = found.get("output")
     if isinstance(output, dict) and isinstance(output.get("dir"), str):
         found["output"] = output | {"dir": str(Path(output["dir"], frame_name(number)))}

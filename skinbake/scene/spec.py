@@ -32,6 +32,7 @@ class MeshFileSpec(Strict):
     front: Literal["z", "-z", "x", "-x"] = "z"  # along which the face looks once up is up
     flip_v: bool = False
     uv_set: Annotated[int, Field(ge=0, le=63)] | None = None  # of a glTF; by default its material's
+    time: Annotated[float, Field(ge=-1e6, le=1e6)] | None = None  # of a USD stage; by default its earliest
 
     @model_validator(mode="after")
     def _one_unit(self) -> MeshFileSpec:

@@ -130,7 +130,7 @@ def test_a_sequence_that_does_not_move_is_refused(folder, capsys):
     """No mark in any path; frames within a batch."""
     (folder / "look.yaml").write_text(LOOK.replace("skin.####.png", "skin.0003.png"))
     assert run(["bake", str(folder / "look.yaml"), "--quiet"]) == 2
-    assert "look.yaml:1: frames: expected #### or %04d in the path of a file, got none" in capsys.readouterr().err
+    assert "look.yaml:1: frames: expected #### or %04d in a path, or as mesh.time, got none" in capsys.readouterr().err
     (folder / "many.yaml").write_text("defaults: {base: look.yaml, output: {dir: out}}\njobs: [{name: a}]\n")
     assert run(["batch", str(folder / "many.yaml"), "--quiet"]) == 2
     assert "frames: expected in a look of its own" in capsys.readouterr().err

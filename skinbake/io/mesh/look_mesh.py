@@ -33,6 +33,7 @@ def read_look_mesh(spec: SceneSpec, waiting: Waiting = unseen) -> SkinMesh:
         unwrap=spec.texture.unwrap,
         any_size=of.any_size,
         uv_set=of.uv_set,
+        time=of.time,
         up=of.up,
         front=of.front,
         skin=of.skin,
@@ -82,7 +83,7 @@ def read_occluder(spec: OccluderSpec) -> Casters:
         The file or its picture is missing or unusable, no part has the name, or there are no UVs for the picture.
     """
     path = Path(spec.path)
-    raw = placed(path, read_raw(path, spec.uv_set), spec.millimetres_per_unit, spec.up, spec.front)
+    raw = placed(path, read_raw(path, spec.uv_set, spec.time), spec.millimetres_per_unit, spec.up, spec.front)
     cast = choose_parts(path, raw, skin=spec.parts, uvs_needed=False, key="occluders.parts").skin
     casters = casters_of(raw, cast, spec.flip_v)
     if spec.opacity is None:

@@ -57,7 +57,7 @@ def _rows(
     of: MeshFileSpec, skin: tuple[str, ...], cast: tuple[str, ...], ignore: tuple[str, ...], uvs_needed: bool
 ) -> list[PartRow]:
     path = Path(of.path)
-    raw = placed(path, read_raw(path, of.uv_set), of.millimetres_per_unit, of.up, of.front)
+    raw = placed(path, read_raw(path, of.uv_set, of.time), of.millimetres_per_unit, of.up, of.front)
     roles = choose_parts(path, raw, skin, cast, ignore, uvs_needed)
     rows = []
     for part, (name, role) in enumerate(zip(raw.labels, roles.of_part, strict=True)):

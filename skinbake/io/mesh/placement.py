@@ -31,7 +31,7 @@ def placed(path: Path, raw: RawMesh, mm_per_unit: float | None, up: str | None =
     mm_per_unit : float or None
         None: what the file says.
     up : "y", "z" or None
-        Which of the file's axes is up; None: y.
+        Which of the file's axes is up; None: what the file says, else y.
     front : "z", "-z", "x" or "-x"
         Along which the face looks once up is up.
 
@@ -50,7 +50,7 @@ def placed(path: Path, raw: RawMesh, mm_per_unit: float | None, up: str | None =
     with np.errstate(over="ignore"):  # what overflows is infinite, and refused
         positions = raw.positions * mm_per_unit
     refuse_endless(path, positions)
-    turn = FRONT[front] @ UP[up or "y"]
+    turn = FRONT[front] @ UP[up or raw.up or "y"]
     if (turn == np.eye(3)).all():
         return replace(raw, positions=positions, mm_per_unit=mm_per_unit)
     return replace(

@@ -12,30 +12,45 @@ from skinbake.io.mesh.obj import read_obj
 from skinbake.io.mesh.ply import read_ply
 from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.io.mesh.trimesh_file import read_with_trimesh
+from skinbake.io.mesh.usd import SUFFIXES as USD_SUFFIXES
+from skinbake.io.mesh.usd import read_usd
 from skinbake.numerics import Float
 
-SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl", ".off")
+SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl", ".off", *USD_SUFFIXES)
 LARGEST = 1e18  # of any coordinate: its fourth power is still a float64
 
 
-def read_raw(path: Path, uv_set: int | None = None) -> RawMesh:
+def read_raw(path: Path, uv_set: int | None = None, time: float | None = None) -> RawMesh:
     """The triangles of a file of any kind.
+
+    Parameters
+    ----------
+    path : path
+    uv_set : int, optional
+        Of a glTF or USD file.
+    time : float, optional
+        Of a USD stage.
 
     Raises
     ------
     InputError
-        The file is missing, is not a mesh, has no triangles, or vertices that are not finite.
+        The file is missing, is not a mesh, has no triangles, or vertices that are not finite; a time is asked of one
+        that has none.
     """
     suffix = path.suffix.lower()
     if not path.exists():
         raise InputError(f"{path}: no such file")
     if path.is_dir() or suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a mesh file ({', '.join(SUFFIXES)})")
+    if time is not None and suffix not in USD_SUFFIXES:
+        raise InputError(f"{path}: mesh.time: expected a USD file, which knows time, got {suffix}")
     try:
         if suffix == ".obj":
             raw = read_obj(path)
         elif suffix in (".glb", ".gltf"):
             raw = read_gltf(path, uv_set)
+        elif suffix in USD_SUFFIXES:
+            raw = read_usd(path, uv_set, time)
         else:
             raw = read_ply(path) if suffix == ".ply" else read_with_trimesh(path)
     except PermissionError:

@@ -32,9 +32,11 @@ class RawMesh:
         Index into `names`.
     names : tuple of tuples of str
         For each part the names it goes by: of an OBJ its object, groups and material, of a glTF its node, mesh and
-        material. May be empty.
+        material, of a USD stage its path and the names of prim, subset and material. May be empty.
     mm_per_unit : float or None
         Where the format or the file says it.
+    up : "y", "z" or None
+        Which axis the file says is up.
     corner_tangent : ndarray of shape (F, 3, 3), float64, or None
         Along growing u; NaN in parts that have none, None where no part has any.
     corner_rgb : ndarray of shape (F, 3, 3), float64, or None
@@ -51,6 +53,7 @@ class RawMesh:
     part: NDArray[np.int32]
     names: tuple[tuple[str, ...], ...]
     mm_per_unit: float | None = None
+    up: str | None = None
     corner_tangent: Float | None = None
     corner_rgb: Float | None = None
     material: tuple[int, ...] = ()
@@ -58,7 +61,10 @@ class RawMesh:
     @property
     def labels(self) -> tuple[str, ...]:
         """What each part is called in messages."""
-        return tuple("/".join(names) or "unnamed part" for names in self.names)
+        return tuple(
+            names[0] if names and names[0].startswith("/") else "/".join(names) or "unnamed part"
+            for names in self.names
+        )
 
 
 def refuse_missing_vertices(path: Path, index: NDArray[np.integer], count: int) -> None:
@@ -99,6 +105,7 @@ def joined(meshes: Sequence[RawMesh]) -> RawMesh:
         np.concatenate([np.zeros(0, np.int32), *(m.part + np.int32(o) for m, o in zip(meshes, parts, strict=False))]),
         tuple(names for mesh in meshes for names in mesh.names),
         meshes[0].mm_per_unit if meshes else None,
+        meshes[0].up if meshes else None,
         _joined_corners(meshes, "corner_tangent"),
         _joined_corners(meshes, "corner_rgb"),
         tuple(index for mesh in meshes for index in mesh.material),

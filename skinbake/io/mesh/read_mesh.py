@@ -31,6 +31,7 @@ def read_mesh(
     any_size: bool = False,
     without_uvs: bool = False,
     uv_set: int | None = None,
+    time: float | None = None,
     up: str | None = None,
     front: str = "z",
     skin: Sequence[str] = (),
@@ -43,7 +44,7 @@ def read_mesh(
 
     Parameters
     ----------
-    path : path of an OBJ, GLB, glTF, PLY, STL or OFF file
+    path : path of an OBJ, GLB, glTF, PLY, STL, OFF or USD file
     mm_per_unit : float or None
         None: what the file says.
     flip_v : bool
@@ -56,6 +57,8 @@ def read_mesh(
         Accepts a mesh that has no UVs and gives it zeros.
     uv_set : int, optional
         Which of a glTF's UV sets; by default the one that its material's base colour uses.
+    time : float, optional
+        Time code of a USD stage.
     up, front : str
         See `placed`.
     skin, cast, ignore : sequences of str
@@ -72,7 +75,7 @@ def read_mesh(
         is not as large as a head.
     """
     path = Path(path)
-    raw = read_raw(path, uv_set)
+    raw = read_raw(path, uv_set, time)
     own_mm_per_unit, raw = raw.mm_per_unit, placed(path, raw, mm_per_unit, up, front)
     roles = choose_parts(path, raw, skin, cast, ignore, uvs_needed=unwrap == "none" and not without_uvs)
     mesh = skin_of(raw, roles.skin)

@@ -1,0 +1,161 @@
+"""USD stages: units, axes, subsets, primvars, orientation, time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinbake.errors import InputError
+from skinbake.io.config import load_look
+from skinbake.io.mesh import mesh_files, read_mesh
+from skinbake.io.mesh.raw_file import read_raw
+from tests.shapes import quad
+
+pytest.importorskip("pxr", reason="usd-core is not installed: pip install 'skinbake[usd]'")
+
+HEAD = """\
+#usda 1.0
+(
+    metersPerUnit = 0.01
+    upAxis = "{up}"
+)
+"""
+QUAD = """\
+def Mesh "{name}" {{
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)]
+    uniform token subdivisionScheme = "none"
+    {more}
+}}
+"""
+ST = """texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] ( interpolation = "faceVarying" )"""
+
+
+def stage(folder, *prims, up="Y", name="head.usda"):
+    (folder / name).write_text(HEAD.format(up=up) + "\n".join(prims))
+    return folder / name
+
+
+def mesh(more=ST, name="Head"):
+    return QUAD.format(name=name, more=more)
+
+
+def test_a_quad_comes_in_millimetres_with_its_uvs(tmp_path):
+    """Centimetres by the stage, z up by the stage: the quad that stands before one who looks along -z."""
+    found = read_mesh(stage(tmp_path, mesh()), None, any_size=True)
+    wanted = quad(100.0, 100.0)
+    for ours, theirs, off in (
+        (found.corner_position_mm, wanted.corner_position_mm, 1e-4),
+        (found.corner_uv, wanted.corner_uv, 1e-6),
+    ):
+        np.testing.assert_allclose(ours, [theirs[0], np.roll(theirs[1], -1, axis=0)], atol=off)
+    lying = read_mesh(stage(tmp_path, mesh(), up="Z"), None, any_size=True)
+    np.testing.assert_allclose(lying.face_normal, [[0, 1, 0]] * 2, atol=1e-6)
+    as_it_is = read_mesh(stage(tmp_path, mesh(), up="Z"), None, any_size=True, up="y")
+    np.testing.assert_allclose(as_it_is.face_normal, [[0, 0, 1]] * 2, atol=1e-6)
+
+
+def test_transforms_and_left_handed_meshes_keep_their_outside(tmp_path):
+    """A parent that mirrors, an orientation that is left-handed, and both."""
+    left = f'uniform token orientation = "leftHanded"\n    {ST}'
+    parent = 'def Xform "Rig" {{\n    double3 xformOp:scale = ({}, 1, 1)\n    double3 xformOp:translate = (0, 0, 7)\n'
+    parent += '    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]\n{}\n}}'
+    for scale, more, z in ((1, ST, 1), (-1, ST, 1), (1, left, -1), (-1, left, -1)):
+        raw = read_raw(stage(tmp_path, parent.format(scale, mesh(more))))
+        np.testing.assert_allclose(raw.positions[:, 2], 7)
+        a, b, c = (raw.positions[raw.faces[:, k]] for k in range(3))
+        assert (np.sign(np.cross(b - a, c - a)[:, 2]) == z).all(), (scale, z)
+
+
+def test_subsets_and_materials_are_parts(tmp_path):
+    """By path, prim, subset and material; what is in no subset is a part of its own; holes are left out."""
+    two = """\
+def Mesh "Head" {
+    int[] faceVertexCounts = [3, 3, 3]
+    int[] faceVertexIndices = [0, 1, 2, 0, 2, 3, 1, 2, 3]
+    int[] holeIndices = [2]
+    point3f[] points = [(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)]
+    uniform token subdivisionScheme = "none"
+    texCoord2f[] primvars:UVMap = [(0, 0), (1, 0), (1, 1), (0, 1)] ( interpolation = "vertex" )
+    def GeomSubset "Lips" ( prepend apiSchemas = ["MaterialBindingAPI"] ) {
+        uniform token elementType = "face"
+        int[] indices = [1]
+        rel material:binding = </Red>
+    }
+}
+def Material "Red" {}
+"""
+    raw = read_raw(stage(tmp_path, two))
+    assert raw.names == (("/Head", "Head"), ("/Head/Lips", "Head", "Lips", "Red"))
+    assert raw.labels == ("/Head", "/Head/Lips")
+    assert len(raw.faces) == 2
+    assert raw.has_uv.all()
+    found = read_mesh(stage(tmp_path, two), None, any_size=True, skin=["Lips"])
+    assert len(found.faces) == 1
+
+
+def test_sets_of_uvs_normals_and_colours(tmp_path):
+    """st1 and any other by number; normals in world space; displayColor linear; a cage's normals are left alone."""
+    other = ST.replace("primvars:st", "primvars:st1").replace("(1, 0)", "(0.5, 0)")
+    more = f"""{ST}
+    {other}
+    normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0.6, 0.8), (0, 0, 1)] ( interpolation = "vertex" )
+    color3f[] primvars:displayColor = [(0.5, 0.25, 0.125)] ( interpolation = "constant" )"""
+    path = stage(tmp_path, mesh(more))
+    assert read_raw(path).corner_uv[0, 1].tolist() == [1, 0]
+    assert read_raw(path, 1).corner_uv[0, 1].tolist() == [0.5, 0]
+    assert not read_raw(path, 2).has_uv.any()
+    np.testing.assert_allclose(read_raw(path).corner_normal[0, 2], [0, 0.6, 0.8], atol=1e-6)
+    np.testing.assert_allclose(read_raw(path).corner_rgb, np.tile([0.5, 0.25, 0.125], (2, 3, 1)))
+    path.write_text(path.read_text().replace('subdivisionScheme = "none"', 'subdivisionScheme = "catmullClark"'))
+    assert not read_raw(path).corner_normal.any()
+
+
+def test_time_samples(tmp_path):
+    """The earliest by default, between samples in between; `frames` move `time`."""
+    moving = "point3f[] points = [(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)]"
+    at = "(-5, -5, {0}), (5, -5, {0}), (5, 5, {0}), (-5, 5, {0})"
+    samples = f"point3f[] points.timeSamples = {{ 1: [{at.format(1)}], 3: [{at.format(3)}] }}"
+    path = stage(tmp_path, mesh().replace(moving, samples))
+    for time, z in ((None, 1), (1, 1), (2, 2), (3, 3)):
+        np.testing.assert_allclose(read_raw(path, time=time).positions[:, 2], z)
+    (tmp_path / "look.yaml").write_text(
+        'frames: 1-3\nmesh: {path: head.usda, unit: file, time: "####", any_size: true}\n'
+        "skin: {preset: gpugems3-six-gaussians}\noutput: {dir: out}\n"
+        "lights: [{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]\n"
+    )
+    assert load_look(tmp_path / "look.yaml", ["frames=2"]).mesh.time == 2.0
+
+
+def test_what_is_not_drawn_and_layers_elsewhere(tmp_path):
+    """Guides and invisible meshes are left out; layers that a stage is made of are inputs."""
+    hidden = mesh(f'token visibility = "invisible"\n    {ST}', "Hidden")
+    guide = mesh(f'uniform token purpose = "guide"\n    {ST}', "Guide")
+    stage(tmp_path, mesh(), hidden, guide, name="body.usda")
+    top = tmp_path / "top.usda"
+    top.write_text("#usda 1.0\n(\n    metersPerUnit = 0.01\n    subLayers = [@./body.usda@]\n)\n")
+    assert read_raw(top).names == (("/Head", "Head"),)
+    assert mesh_files(top) == (top, tmp_path / "body.usda")
+
+
+@pytest.mark.parametrize("content", [b"no stage", b"#usda 1.0\ndef Mesh {", b"PXR-USDC" + bytes(80), b""])
+@pytest.mark.parametrize("suffix", ["usda", "usdc", "usdz"])
+def test_damaged_stages_are_refused_in_one_line(tmp_path, capfd, content, suffix):
+    """Without a word of the library's."""
+    path = tmp_path / f"head.{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"head\.usd.: (not a USD stage|expected triangles)"):
+        read_raw(path)
+    assert mesh_files(path) == (path,)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_counts_that_do_not_fit_are_named(tmp_path):
+    """Indices, and values of a primvar."""
+    with pytest.raises(InputError, match=r"head\.usda: /Head: expected 4 indices of its faces, got 3"):
+        read_raw(stage(tmp_path, mesh().replace("[0, 1, 2, 3]", "[0, 1, 2]")))
+    with pytest.raises(InputError, match=r"head\.usda: a triangle names vertex 9, of 4 vertices"):
+        read_raw(stage(tmp_path, mesh().replace("[0, 1, 2, 3]", "[0, 1, 2, 9]")))
+    with pytest.raises(InputError, match=r"/Head: st: expected 4 values \(faceVarying\), got 3"):
+        read_raw(stage(tmp_path, mesh(ST.replace("(0, 0), ", ""))))
