@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from skinbake.preview.camera import view
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode
+from skinbake.preview.picture_part import refuse_picture_too_large
 from skinbake.preview.platform import any_thread
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.views import plan_views, tone_map
@@ -22,6 +23,7 @@ T = TypeVar("T")
 
 def draw_still(renderer: OffscreenRenderer, look: PreviewSpec) -> NDArray[np.uint8]:
     """The picture that a bake ends with, sRGB of shape (H, W, 3); `render` writes the same one by default."""
+    refuse_picture_too_large(look.size)
     camera = plan_views(renderer.scene.mesh, [look.view], None, look.size[0] / look.size[1])[0].camera
     return tone_map(renderer.draw(camera, look.size, Mode("full")), look.background_rgb, look.exposure)
 

@@ -10,6 +10,7 @@ from skinbake.io.output_names import refuse_inputs
 from skinbake.io.png import write_png
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode, parse_mode
+from skinbake.preview.picture_part import refuse_picture_too_large
 from skinbake.preview.views import View, plan_views, side_by_side, tone_map
 from skinbake.scene.spec import PreviewSpec
 
@@ -67,11 +68,14 @@ def render(
     ------
     InputError
         A picture has the name of one of the inputs.
+    MachineError
+        A picture that is larger than this machine can hold; no OpenGL.
     """
     size = size or look.size
     shown = parse_mode(mode, len(renderer.scene.lobes))
     modes = [Mode("none"), shown] if compare else [shown]
     exposure = look.exposure if exposure is None else exposure
+    refuse_picture_too_large(size, len(modes))
     planned: list[View] = plan_views(renderer.scene.mesh, views or [look.view], turntable, size[0] / size[1])
     names = ["preview"] if len(planned) == 1 else [f"preview_{each.name}" for each in planned]
     paths = [Path(png)] if png else [out / f"{name}{'_compare' if compare else ''}.png" for name in names]

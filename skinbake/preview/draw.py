@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.errors import MachineError
 from skinbake.preview.camera import Camera
 from skinbake.preview.mode import Mode
 from skinbake.preview.platform import headless_context, release_context
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_light import Gains, gains_rgb
+
+if TYPE_CHECKING:
+    from skinbake.preview.target import FloatTarget
 
 Plane = NDArray[np.float32]
 
@@ -112,28 +117,64 @@ class OffscreenRenderer:
         ------
         InputError
             A gain for a light that the scene does not have.
+        MachineError
+            No memory for the picture.
         ValueError
             If the geometry buffer is asked for with another `supersample`.
         """
         if geometry and supersample != 1:
             raise ValueError(f"geometry: expected supersample 1, got {supersample}")
-        from skinbake.preview.renderer import GBUFFER_ATTACHMENTS
-        from skinbake.preview.target import FloatTarget
+        from OpenGL import GL
 
-        renderer, (width, height) = self._renderer, size
+        from skinbake.preview.picture_part import parts_of
+        from skinbake.preview.renderer import GBUFFER_ATTACHMENTS
+
+        renderer = self._renderer
         self._platform.make_current()
         renderer.mode = mode or Mode()
         renderer.gains_rgb = gains_rgb(self.scene, light_gains)
         renderer.gbuffer = geometry
-        want = (width * supersample, height * supersample, GBUFFER_ATTACHMENTS if geometry else 1)
-        target = renderer.target
-        if target is None or (target.width, target.height, target.attachments) != want:
-            if target is not None:
-                target.delete()
-            renderer.target = target = FloatTarget(*want)
-        renderer.draw(camera)
-        rgba = target.read(box=supersample)
-        return PreviewImage(rgba, _geometry([target.read(i) for i in range(1, want[2])]) if geometry else None)
+        attachments = GBUFFER_ATTACHMENTS if geometry else 1
+        parts = tuple(parts_of(size, supersample, int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))))
+        target = self._target(*parts[0].size, attachments)
+        planes: list[Plane] = []
+        for part in parts:
+            renderer.draw(camera, part)
+            read = [target.read(i, supersample) for i in range(attachments)]
+            if len(parts) == 1:
+                planes = read
+                break
+            planes = planes or [np.empty((size[1], size[0], 4), np.float32) for _ in read]
+            left, low = part.at[0] // supersample, part.at[1] // supersample
+            for plane, of_part in zip(planes, read, strict=True):  # the part's last row is its lowest
+                width, height = min(of_part.shape[1], size[0] - left), min(len(of_part), size[1] - low)
+                rows = slice(size[1] - low - height, size[1] - low)
+                plane[rows, left : left + width] = of_part[len(of_part) - height :, :width]
+        return PreviewImage(planes[0], _geometry(planes[1:]) if geometry else None)
+
+    def _target(self, width: int, height: int, attachments: int) -> FloatTarget:
+        """What is drawn into, the last one where it fits.
+
+        Raises
+        ------
+        MachineError
+            The graphics card has no room for it.
+        """
+        from OpenGL.error import GLError
+
+        from skinbake.preview.target import FloatTarget
+
+        target, renderer = self._renderer.target, self._renderer
+        if target is not None and (target.width, target.height, target.attachments) == (width, height, attachments):
+            return target
+        if target is not None:
+            target.delete()
+            renderer.target = None
+        try:
+            renderer.target = FloatTarget(width, height, attachments)
+        except GLError as error:
+            raise MachineError(f"no memory for a picture of {width} x {height}: {error.description}") from error
+        return renderer.target
 
     def set_scene(self, scene: PreviewScene) -> None:
         """Draw another scene of the same mesh from now on, so that the mesh can be made ready while textures are

@@ -23,6 +23,7 @@ from skinbake.preview.camera import Camera
 from skinbake.preview.geometry import vertex_buffers
 from skinbake.preview.light_sum import SummedLobes
 from skinbake.preview.mode import Mode
+from skinbake.preview.picture_part import PicturePart
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_defines import SHADERS, shader_defines
 from skinbake.preview.shader_light import shader_lights
@@ -31,6 +32,25 @@ from skinbake.preview.textures import TileTextures, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
 
 GBUFFER_ATTACHMENTS = 5
+
+
+class PartCamera(pyrender.PerspectiveCamera):
+    """A camera that shows `part` of its picture, all of it where that is None."""
+
+    part: PicturePart | None = None
+
+    def get_projection_matrix(self, width: int | None = None, height: int | None = None) -> Float:
+        """Projection matrix, as pyrender asks for it.
+
+        Parameters
+        ----------
+        width, height : int
+            Of what is drawn into.
+        """
+        if self.part is None:
+            whole: Float = super().get_projection_matrix(width, height)
+            return whole
+        return self.part.projection(super().get_projection_matrix(*self.part.whole))
 
 
 class SkinRenderer(Renderer):
@@ -92,15 +112,23 @@ class SkinRenderer(Renderer):
             graph.add(pyrender.Mesh([primitive]))
             self._tile_of[primitive] = tile
             self._textures[tile] = TileTextures(self.skin, tile, self._oil_albedo)
-        self._camera = pyrender.PerspectiveCamera(yfov=1.0, znear=1.0, zfar=2.0)
+        self._camera = PartCamera(yfov=1.0, znear=1.0, zfar=2.0)
         self._camera_node = graph.add(self._camera)
         graph.main_camera_node = self._camera_node
         low, high = self.skin.mesh.positions_mm.min(0), self.skin.mesh.positions_mm.max(0)
         self._centre, self._radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
         return graph
 
-    def draw(self, camera: Camera) -> None:
-        """Draw one frame into `target`, unresolved."""
+    def draw(self, camera: Camera, part: PicturePart | None = None) -> None:
+        """Draw one frame, or part of one, into `target`, unresolved.
+
+        Parameters
+        ----------
+        camera : Camera
+        part : PicturePart, optional
+            Of the size of the target.
+        """
+        self._camera.part = part
         away = float((camera.position_mm - self._centre) @ camera.backward)
         far = max(away + self._radius, 1e-3) * 1.01
         # First the near one: pyrender refuses a far plane before the near one that is still there
