@@ -107,15 +107,6 @@ STILL_LONG = (
     "diffuse/terms/interreflection.py:_collect",
     "diffuse/terms/skin_hits.py:_place",
     "diffuse/terms/transmission.py:_read_table",
-    "diffuse/texture_space/blur.py:_weighted_windows",
-    "diffuse/texture_space/blur_error.py:_shares",
-    "diffuse/texture_space/blur_error.py:_shares_of_texels",
-    "diffuse/texture_space/blur_error.py:_unevenness",
-    "diffuse/texture_space/blur_error.py:_share",
-    "diffuse/texture_space/separable.py:_blur",
-    "diffuse/texture_space/separable.py:_decimate",
-    "diffuse/texture_space/stretch.py:_gather",
-    "diffuse/texture_space/uv_gaps.py:_distances",
 )  # to be given named tuples
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,11 +191,8 @@ def blur_at(
         which.append(index)
         weights.append(np.ascontiguousarray(kernels))
     values = np.zeros((len(at[0]), image.shape[2]))
-    parallel_for(
-        _weighted_windows, len(values),
-        image, first[0], first[1], which[0], which[1], weights[0], weights[1],
-        _NO_COVERAGE, values,
-    )  # fmt: skip
+    rows, cols = (_Windows(*axis) for axis in zip(first, which, weights, strict=True))
+    parallel_for(_weighted_windows, len(values), image, rows, cols, _NO_COVERAGE, values)
     return values[:, :-1], values[:, -1]
 
 
@@ -210,10 +208,40 @@ def _between(half: Float, offset: Float) -> Float:
     return shifted
 
 
+class _Windows(NamedTuple):
+    """Windows along one axis.
+
+    Attributes
+    ----------
+    first : ndarray of shape (P,), int64
+        First row, or column, of each; may lie outside the image.
+    which : ndarray of shape (P,), int64
+        Row of `weights` that each has.
+    weights : ndarray of shape (n, taps)
+    """
+
+    first: NDArray[np.int64]
+    which: NDArray[np.int64]
+    weights: Float
+
+
 @kernel
-def _weighted_windows(  # type: ignore[no-untyped-def]
-    first, stop, image, first_y, first_x, which_y, which_x, weights_y, weights_x, no_coverage, out
-):
+def _weighted_windows(first, stop, image, rows, cols, no_coverage, out):  # type: ignore[no-untyped-def]
+    """Weighted means of windows of an image of premultiplied light and mask, by their coverage.
+
+    Parameters
+    ----------
+    first, stop : int
+        Windows.
+    image : ndarray of shape (h, w, 3 L + 1), float32
+    rows, cols : _Windows
+    no_coverage : float
+        Below this share of what one covered texel leaves where it stands, light is left as it was.
+    out : ndarray of shape (P, 3 L + 1)
+        Written: light, and the share of the weights that lies on charts.
+    """
+    first_y, which_y, weights_y = rows.first, rows.which, rows.weights
+    first_x, which_x, weights_x = cols.first, cols.which, cols.weights
     height, width, channels = image.shape
     for p in range(first, stop):
         wy, wx = weights_y[which_y[p]], weights_x[which_x[p]]

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,8 @@ class BlurErrorPredictor:
 
         Parameters
         ----------
+        variance_mm2 : float
+            Of the lobe.
         threshold : float
             Predicted error from which on the sum alone counts, over the light's mean.
         blurred : ndarray of shape (L, h, w, 3), float32
@@ -91,42 +94,101 @@ class BlurErrorPredictor:
         ndarray of shape (L, h, w), uint8
             In steps of 1 / 255; 0 where there is no skin point.
         """
-        points, pyramid = self.points, self.pyramid
         share = np.empty(blurred.shape[:3], np.uint8)
-        parallel_for(
-            _shares, len(points.row),
-            points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend,
-            self.foreign_mm, pyramid.start, pyramid.width, self.margin, self.level,
-            self._floats(variance_mm2, threshold), self._means(), blurred, mass, share,
-        )  # fmt: skip
+        parallel_for(_shares, len(self.points.row), self._prediction(variance_mm2, threshold), blurred, mass, share)
         return share
 
     def shares_of_texels(
         self, variance_mm2: float, threshold: float, flat: NDArray[np.int64], blurred: Float, mass: Float
     ) -> NDArray[np.float32]:
-        """The same shares, 0 ... 1, of texels row * w + col, (P, L); `blurred` is (P, 3L), `mass` (P,)."""
-        points, pyramid = self.points, self.pyramid
+        """The same shares, 0 ... 1, of a few texels.
+
+        Parameters
+        ----------
+        variance_mm2, threshold : float
+            As in `share_of_sums`.
+        flat : ndarray of shape (P,), int64
+            row * w + col.
+        blurred : ndarray of shape (P, 3L)
+        mass : ndarray of shape (P,)
+
+        Returns
+        -------
+        ndarray of shape (P, L), float32
+        """
         share = np.zeros((len(flat), len(self.mean)), np.float32)
-        _shares_of_texels(
-            points.row, points.area_mm2, points.texel_mm2, self.coverage, self.image, self.bend,
-            self.foreign_mm, pyramid.start, pyramid.width, self.margin, self.level,
-            self._floats(variance_mm2, threshold), self._means(), flat,
-            blurred.reshape(len(flat), len(self.mean), 3).astype(np.float32), mass.astype(np.float32), share,
-        )  # fmt: skip
+        light = blurred.reshape(len(flat), len(self.mean), 3).astype(np.float32)
+        prediction = self._prediction(variance_mm2, threshold)
+        _shares_of_texels(prediction, flat, light, mass.astype(np.float32), share)
         return share
 
-    def _floats(self, variance_mm2: float, threshold: float) -> NDArray[np.float32]:
-        return np.array([variance_mm2, *self.mean_texel_mm2, threshold], np.float32)
+    def _prediction(self, variance_mm2: float, threshold: float) -> _Prediction:
+        """Everything that a kernel needs to predict errors of one lobe."""
+        shorter2, longer2 = map(np.float32, self.mean_texel_mm2)
+        texel = _MeanTexel(np.float32(variance_mm2), shorter2, longer2, np.float32(threshold))
+        return _Prediction(
+            self.points,
+            self.coverage,
+            self.image,
+            self.margin,
+            self.level,
+            self.pyramid,
+            self.bend,
+            self.foreign_mm,
+            np.array(self.mean, np.float32),
+            texel,
+        )
 
-    def _means(self) -> NDArray[np.float32]:
-        return np.array(self.mean, np.float32)
+
+class _MeanTexel(NamedTuple):
+    """What a blur was made for, as float32.
+
+    Attributes
+    ----------
+    variance_mm2 : float32
+        Of the lobe.
+    shorter2, longer2 : float32
+        Squared lengths of the mean texel, mm^2.
+    threshold : float32
+        Predicted error from which on the sum alone counts, over the light's mean.
+    """
+
+    variance_mm2: np.float32
+    shorter2: np.float32
+    longer2: np.float32
+    threshold: np.float32
+
+
+class _Prediction(NamedTuple):
+    """A `BlurErrorPredictor` for one lobe, as kernels take it; `mean` is an ndarray of shape (L,), float32."""
+
+    points: TexelPoints
+    coverage: NDArray[np.float32]
+    image: NDArray[np.float32]
+    margin: int
+    level: int
+    pyramid: MomentPyramid
+    bend: NDArray[np.float32]
+    foreign_mm: NDArray[np.float32]
+    mean: NDArray[np.float32]
+    lobe: _MeanTexel
 
 
 @kernel
-def _shares(  # type: ignore[no-untyped-def]
-    first, stop, row_of, area, texel_mm2, coverage, image, bend, foreign_mm, start, width, margin, level, floats, means,
-    blurred, mass, share,
-):  # fmt: skip
+def _shares(first, stop, of, blurred, mass, share):  # type: ignore[no-untyped-def]
+    """`share_of_sums` of rows of texels.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    of : _Prediction
+    blurred : ndarray of shape (L, h, w, 3), float32
+    mass : ndarray of shape (h, w), float32
+    share : ndarray of shape (L, h, w), uint8
+        Written.
+    """
+    row_of, image, margin, means, bend = of.points.row, of.image, of.margin, of.mean, of.bend
     height, columns = row_of.shape
     light_and_mask, channels, blur = image.reshape(-1), image.shape[2], blurred.reshape(-1)
     for row in range(first, stop):
@@ -136,47 +198,61 @@ def _shares(  # type: ignore[no-untyped-def]
                 for light in range(len(means)):
                     share[light, row, col] = 0
                 continue
-            uneven, block = _unevenness(
-                row, col, area[k], texel_mm2[k], coverage[row, col], start, width, level, floats
-            )
-            unseen = _unseen(row, col, level, foreign_mm, floats, mass[row, col])
+            uneven, block = _unevenness(of, row, col, k)
+            unseen = _unseen(of, row, col, mass[row, col])
             here = ((row + margin) * image.shape[1] + col + margin) * channels
             for light in range(len(means)):
                 far = bend[block, light] if block >= 0 else _ZERO
                 there = ((light * height + row) * columns + col) * 3
-                each = _share(
-                    light_and_mask, here, channels, light, means[light], uneven, far, blur, there, unseen, floats
-                )
+                change = _change(light_and_mask, here, channels, light, blur, there)
+                each = _share(means[light], unseen, max(far, change) * uneven, of.lobe.threshold)
                 share[light, row, col] = np.uint8(np.ceil(each * np.float32(255)))
 
 
 @kernel
-def _shares_of_texels(  # type: ignore[no-untyped-def]
-    row_of, area, texel_mm2, coverage, image, bend, foreign_mm, start, width, margin, level, floats, means, flat,
-    blurred, mass, share,
-):  # fmt: skip
+def _shares_of_texels(of, flat, blurred, mass, share):  # type: ignore[no-untyped-def]
+    """`shares_of_texels`.
+
+    Parameters
+    ----------
+    of : _Prediction
+    flat : ndarray of shape (P,), int64
+    blurred : ndarray of shape (P, L, 3), float32
+    mass : ndarray of shape (P,), float32
+    share : ndarray of shape (P, L), float32
+        Written.
+    """
+    row_of, image, margin, means, bend = of.points.row, of.image, of.margin, of.mean, of.bend
     light_and_mask, channels, blur = image.reshape(-1), image.shape[2], blurred.reshape(-1)
     for i in range(len(flat)):
         row, col = flat[i] // row_of.shape[1], flat[i] % row_of.shape[1]
         k = row_of[row, col]
         if k >= 0:
-            uneven, block = _unevenness(
-                row, col, area[k], texel_mm2[k], coverage[row, col], start, width, level, floats
-            )
-            unseen = _unseen(row, col, level, foreign_mm, floats, mass[i])
+            uneven, block = _unevenness(of, row, col, k)
+            unseen = _unseen(of, row, col, mass[i])
             here = ((row + margin) * image.shape[1] + col + margin) * channels
             for light in range(len(means)):
                 far = bend[block, light] if block >= 0 else _ZERO
                 there = (i * len(means) + light) * 3
-                share[i, light] = _share(
-                    light_and_mask, here, channels, light, means[light], uneven, far, blur, there, unseen, floats
-                )
+                change = _change(light_and_mask, here, channels, light, blur, there)
+                share[i, light] = _share(means[light], unseen, max(far, change) * uneven, of.lobe.threshold)
 
 
 @kernel(inline=True)
-def _unevenness(row, col, area, shorter2, coverage, start, width, level, floats):  # type: ignore[no-untyped-def]
-    """min(r - 1, 2), and the block as wide as the lobe where texels are small, -1 where they are not."""
-    variance, mean_shorter2, mean_longer2 = floats[0], floats[1], floats[2]
+def _unevenness(of, row, col, k):  # type: ignore[no-untyped-def]
+    """min(r - 1, 2), and the block as wide as the lobe where texels are small, -1 where they are not.
+
+    Parameters
+    ----------
+    of : _Prediction
+    row, col : int
+        Texel.
+    k : int
+        Its skin point.
+    """
+    area, shorter2, coverage = of.points.area_mm2[k], of.points.texel_mm2[k], of.coverage[row, col]
+    start, width, level = of.pyramid.start, of.pyramid.width, of.level
+    variance, mean_shorter2, mean_longer2 = of.lobe.variance_mm2, of.lobe.shorter2, of.lobe.longer2
     uneven, block = _MOST_UNEVEN, np.int64(-1)
     if area > 0 and coverage > 0 and shorter2 > 0:
         texel2 = area / coverage
@@ -195,30 +271,42 @@ def _unevenness(row, col, area, shorter2, coverage, start, width, level, floats)
 
 
 @kernel(inline=True)
-def _unseen(row, col, level, foreign_mm, floats, mass):  # type: ignore[no-untyped-def]
+def _unseen(of, row, col, mass):  # type: ignore[no-untyped-def]
     """Share of the lobe that may lie where the blur does not look: beyond a border, or on foreign skin."""
-    away = foreign_mm[row << level >> LEVEL, col << level >> LEVEL]
+    away, variance = of.foreign_mm[row << of.level >> LEVEL, col << of.level >> LEVEL], of.lobe.variance_mm2
     beyond = _ZERO
-    if away * away < np.float32(32) * floats[0]:
-        beyond = np.float32(0.5) * np.exp(-away * away / (np.float32(2) * floats[0]))
+    if away * away < np.float32(32) * variance:
+        beyond = np.float32(0.5) * np.exp(-away * away / (np.float32(2) * variance))
     return max(_ONE - mass, beyond)
 
 
 @kernel(inline=True)
-def _share(image, here, channels, light, mean, uneven, far, blurred, there, unseen, floats):  # type: ignore[no-untyped-def]
-    """From 0 where half the threshold is predicted to 1 where all of it is; 0 of a light that is dark everywhere.
+def _change(image, here, channels, light, blurred, there):  # type: ignore[no-untyped-def]
+    """Largest |T - E| of a light's channels at a texel; 0 where there is no coverage.
 
-    The texel's light and mask begin at `here` of `image`, T of this light at `there` of `blurred`, both flat.
+    Parameters
+    ----------
+    image, blurred : ndarrays, float32
+        Light and mask, and T, flat.
+    here, there : int
+        Where the texel's light and mask begin in `image`, and its T of this light in `blurred`.
+    channels, light : int
     """
+    change, covered = _ZERO, load_scalar(image, here + channels - 1)
+    if covered > _BARE:
+        inverse = _ONE / covered
+        for c in range(3):
+            change = max(
+                change, abs(load_scalar(blurred, there + c) - load_scalar(image, here + 3 * light + c) * inverse)
+            )
+    return change
+
+
+@kernel(inline=True)
+def _share(mean, unseen, changed, threshold):  # type: ignore[no-untyped-def]
+    """From 0 where half the threshold is predicted to 1 where all of it is; 0 of a light that is dark everywhere."""
     share = _ZERO
     if mean > 0:
-        change, covered = far, load_scalar(image, here + channels - 1)
-        if covered > _BARE:
-            inverse = _ONE / covered
-            for c in range(3):
-                change = max(
-                    change, abs(load_scalar(blurred, there + c) - load_scalar(image, here + 3 * light + c) * inverse)
-                )
-        error = unseen * mean + change * uneven
-        share = min(max(np.float32(2) * error / max(floats[3] * mean, _TINY) - _ONE, _ZERO), _ONE)
+        error = unseen * mean + changed
+        share = min(max(np.float32(2) * error / max(threshold * mean, _TINY) - _ONE, _ZERO), _ONE)
     return share

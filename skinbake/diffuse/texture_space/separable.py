@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,7 @@ def masked_light(light: NDArray[np.float32], coverage: NDArray[np.float32]) -> N
 
 @kernel
 def _mask(first, stop, light, coverage, out):  # type: ignore[no-untyped-def]
+    """`masked_light` of rows `first` to `stop`."""
     lights, _, width, _ = light.shape
     for row in range(first, stop):
         for col in range(width):
@@ -52,21 +55,58 @@ def normalised_blur(
     ----------
     image : ndarray of shape (H + 2 margin, W + 2 margin, 3L + 1), float32
         Outside it there is no coverage.
+    margin : int
+        Texels around what is written.
     half_y, half_x : ndarray, float32
         Symmetric kernels from their middle on.
     fallback : ndarray of shape (L, H, W, 3) or (L, 0, 0, 3)
         What stands where K[M] <= epsilon; zero if empty.
+    epsilon : float
     out : ndarray of shape (L, H, W, 3)
     mass : ndarray of shape (H, W) or (0, 0)
         Takes K[M], unless empty.
     """
-    kernels = (np.concatenate((half[:0:-1], half)) for half in (half_y, half_x))
+    kernel_y, kernel_x = (np.concatenate((half[:0:-1], half)) for half in (half_y, half_x))
     chunks = -(-out.shape[1] // _CHUNK)
-    parallel_for(_blur, chunks, image, margin, *kernels, fallback, np.float32(epsilon), out, mass)
+    blur = _Blur(kernel_y, kernel_x, fallback, np.float32(epsilon))
+    parallel_for(_blur, chunks, image, margin, blur, out, mass)
+
+
+class _Blur(NamedTuple):
+    """A blur of both axes.
+
+    Attributes
+    ----------
+    kernel_y, kernel_x : ndarrays, float32
+        Whole, of odd lengths.
+    fallback : ndarray of shape (L, H, W, 3) or (L, 0, 0, 3), float32
+    epsilon : float32
+        As in `normalised_blur`.
+    """
+
+    kernel_y: NDArray[np.float32]
+    kernel_x: NDArray[np.float32]
+    fallback: NDArray[np.float32]
+    epsilon: np.float32
 
 
 @kernel
-def _blur(first, stop, image, margin, kernel_y, kernel_x, fallback, epsilon, out, mass):  # type: ignore[no-untyped-def]
+def _blur(first, stop, image, margin, blur, out, mass):  # type: ignore[no-untyped-def]
+    """`normalised_blur` of chunks of `_CHUNK` rows.
+
+    Parameters
+    ----------
+    first, stop : int
+        Chunks.
+    image : ndarray of shape (H + 2 margin, W + 2 margin, 3L + 1), float32
+    margin : int
+    blur : _Blur
+    out : ndarray of shape (L, H, W, 3), float32
+        Written.
+    mass : ndarray of shape (H, W) or (0, 0), float32
+        Written, unless empty.
+    """
+    kernel_y, kernel_x, fallback, epsilon = blur.kernel_y, blur.kernel_x, blur.fallback, blur.epsilon
     height, width, channels = image.shape
     lights = (channels - 1) // 3
     n = width * channels
@@ -95,6 +135,16 @@ def _blur(first, stop, image, margin, kernel_y, kernel_x, fallback, epsilon, out
 
 @kernel
 def _divide(both, margin, lights, row, epsilon, fallback, out):  # type: ignore[no-untyped-def]
+    """Write a row of blurred light, divided by the blurred mask, or what stands in its place.
+
+    Parameters
+    ----------
+    both : ndarray, float32
+        Blurred light and mask of the row with its margins, flat.
+    margin, lights, row : int
+    epsilon, fallback, out
+        As in `normalised_blur`.
+    """
     channels = 3 * lights + 1
     if lights == 1:  # constant strides: the compiler shuffles whole registers
         to, width = out[0, row].reshape(-1), out.shape[2]
@@ -130,7 +180,15 @@ def _divide(both, margin, lights, row, epsilon, fallback, out):  # type: ignore[
 
 @kernel(inner=True)
 def _weigh(source, start, stride, weights, to, at, count):  # type: ignore[no-untyped-def]
-    """to[at + i] = sum_k weights[k] source[start + k stride + i] for i < count, all flat."""
+    """to[at + i] = sum_k weights[k] source[start + k stride + i] for i < count, all flat.
+
+    Parameters
+    ----------
+    source : ndarray, float32
+    start, stride : int
+    weights, to : ndarrays, float32
+    at, count : int
+    """
     i = 0
     while i + 4 * LANES <= count:  # four sums at once, as each waits for its last multiply-add
         a, b, c, d = broadcast(_ZERO), broadcast(_ZERO), broadcast(_ZERO), broadcast(_ZERO)
@@ -167,17 +225,54 @@ def decimate(
 
     Parameters
     ----------
+    image : ndarray of shape (H, W, C), float32
     first_y, first_x : ndarray of shape (h,), (w,), int64
     weight_y, weight_x : ndarray of shape (h, taps), (w, taps), float32
+    out : ndarray of shape (h, w, C), float32
+        Written.
     """
-    every_other = (np.ascontiguousarray(weight_x[0, side::2]) for side in (0, 1))
-    parallel_for(_decimate, -(-len(out) // _ROWS), image, first_y, weight_y, first_x, weight_x, *every_other, out)
+    halves = _Halves(*(np.ascontiguousarray(weight_x[0, side::2]) for side in (0, 1)))
+    rows, cols = _Taps(first_y, weight_y), _Taps(first_x, weight_x)
+    parallel_for(_decimate, -(-len(out) // _ROWS), image, rows, cols, halves, out)
+
+
+class _Taps(NamedTuple):
+    """Weights along one axis.
+
+    Attributes
+    ----------
+    first : ndarray of shape (n,), int64
+        First row, or column, that each output takes; may lie outside the image.
+    weight : ndarray of shape (n, taps), float32
+    """
+
+    first: NDArray[np.int64]
+    weight: NDArray[np.float32]
+
+
+class _Halves(NamedTuple):
+    """Every other weight of the first column, from the first one and from the second one on."""
+
+    even: NDArray[np.float32]
+    odd: NDArray[np.float32]
 
 
 @kernel
-def _decimate(  # type: ignore[no-untyped-def]
-    first, stop, image, first_y, weight_y, first_x, weight_x, weight_even, weight_odd, out
-):
+def _decimate(first, stop, image, taps_y, taps_x, halves, out):  # type: ignore[no-untyped-def]
+    """`decimate` of blocks of `_ROWS` rows: along y into lines in the nearest caches, then along x.
+
+    Parameters
+    ----------
+    first, stop : int
+        Blocks of rows of `out`.
+    image : ndarray of shape (H, W, C), float32
+    taps_y, taps_x : _Taps
+    halves : _Halves
+    out : ndarray of shape (h, w, C), float32
+        Written.
+    """
+    first_y, weight_y, first_x, weight_x = taps_y.first, taps_y.weight, taps_x.first, taps_x.weight
+    weight_even, weight_odd = halves.even, halves.odd
     height, width, channels = image.shape
     n = width * channels
     flat = image.reshape(-1)
@@ -224,7 +319,24 @@ def _decimate(  # type: ignore[no-untyped-def]
 def decimation_weights(
     size: int, smaller: int, margin: int, smaller_margin: int, variance_texels2: float
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Gaussian of a given variance (texels of `size`) around each texel centre of `smaller`; both with margins."""
+    """Gaussian of a given variance around each texel centre of a smaller size.
+
+    Parameters
+    ----------
+    size, smaller : int
+        Texels along the axis.
+    margin, smaller_margin : int
+        Texels around each.
+    variance_texels2 : float
+        In texels of `size`.
+
+    Returns
+    -------
+    first : ndarray of shape (smaller + 2 smaller_margin,), int64
+        First texel that has a weight, margin included.
+    weight : ndarray of shape (smaller + 2 smaller_margin, taps), float32
+        Of sum 1.
+    """
     centre = (np.arange(-smaller_margin, smaller + smaller_margin) + 0.5) * (size / smaller) - 0.5 + margin
     reach = np.sqrt(-2 * variance_texels2 * np.log(1e-7))
     first = np.ceil(centre - reach).astype(np.int64)

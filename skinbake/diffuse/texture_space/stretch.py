@@ -9,6 +9,7 @@ remain wrong.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,7 +125,7 @@ def stretch_blur(
     chart_padded = np.full(planes.shape[1:], _EMPTY, np.float32)  # numbers of charts are far below 2^24
     chart_padded[inside] = chart
     out = light.copy()
-    parallel_for(_gather, height, planes, chart_padded, form, reach, chart, pad, out)
+    parallel_for(_gather, height, _Padded(planes, chart_padded, pad), _Ellipses(form, reach, chart), out)
     return out
 
 
@@ -148,8 +149,55 @@ def _quadratic_form(first, stop, covariance, table, form, reach):  # type: ignor
             reach[row, col, 1] = min(CUT_SIGMA * np.sqrt(yy), MAX_REACH)
 
 
+class _Padded(NamedTuple):
+    """What is gathered, with room around it.
+
+    Attributes
+    ----------
+    planes : ndarray of shape (3 L + 1, H + 2 pad, W + 2 pad + 16), float32
+        Light by channel, then area.
+    chart : ndarray of shape (H + 2 pad, W + 2 pad + 16), float32
+        Chart of each texel.
+    pad : int
+    """
+
+    planes: NDArray[np.float32]
+    chart: NDArray[np.float32]
+    pad: int
+
+
+class _Ellipses(NamedTuple):
+    """Where each texel looks.
+
+    Attributes
+    ----------
+    form : ndarray of shape (H, W, 3), float32
+    reach : ndarray of shape (H, W, 2), float32
+        Of `_quadratic_form`.
+    chart : ndarray of shape (H, W), int32
+        -1 where empty.
+    """
+
+    form: NDArray[np.float32]
+    reach: NDArray[np.float32]
+    chart: NDArray[np.int32]
+
+
 @kernel
-def _gather(first, stop, planes, chart_padded, form, reach, chart, pad, out):  # type: ignore[no-untyped-def]
+def _gather(first, stop, padded, ellipses, out):  # type: ignore[no-untyped-def]
+    """`stretch_blur` of rows, sixteen texels abreast.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    padded : _Padded
+    ellipses : _Ellipses
+    out : ndarray of shape (L, H, W, 3), float32
+        Written where something is within reach.
+    """
+    planes, chart_padded, pad = padded.planes, padded.chart, padded.pad
+    form, reach, chart = ellipses.form, ellipses.reach, ellipses.chart
     lights, _, width, _ = out.shape
     channels = 3 * lights
     stride = planes.shape[2]
@@ -212,6 +260,7 @@ def area_mean(light: NDArray[np.float32], area: NDArray[np.float32], factor: int
 
 @kernel
 def _area_mean(first, stop, light, area, factor, out):  # type: ignore[no-untyped-def]
+    """`area_mean` of rows `first` to `stop` of `out`."""
     lights, _, _, _ = light.shape
     for i in range(first, stop):
         for j in range(out.shape[2]):

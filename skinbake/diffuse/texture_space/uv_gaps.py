@@ -7,6 +7,8 @@ two tiles they always are.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,11 +57,8 @@ def distance_to_foreign(pyramids: Tiled[MomentPyramid]) -> Tiled[NDArray[np.floa
     middle = cell[:, None] + (np.arange(-1, 2)[:, None] * _MOST_CELLS + np.arange(-1, 2)).ravel() * _MOST_CELLS
     begin, end = (first[np.searchsorted(cell, middle + step)] for step in (-1, 2))
     nearest = np.empty(len(skin), np.float32)
-    parallel_for(
-        _distances, len(cell),
-        block[skin, 1:4], _HALF_SIDE * np.sqrt(spread[order]), shorter[order], block[skin, 5:], first, begin, end,
-        nearest,
-    )  # fmt: skip
+    blocks = _Blocks(block[skin, 1:4], _HALF_SIDE * np.sqrt(spread[order]), shorter[order], block[skin, 5:])
+    parallel_for(_distances, len(cell), blocks, _Cells(first, begin, end), nearest)
     found[skin] = nearest
     tiles = np.split(found, np.cumsum([len(part) for part in parts])[:-1])
     return {tile: values.reshape(shape) for tile, values, shape in zip(pyramids, tiles, shapes, strict=True)}
@@ -73,14 +72,59 @@ def _cells(position: Float, side: float) -> NDArray[np.int64]:
     return cells
 
 
-@kernel
-def _distances(first, stop, centre, radius, side, place, of_cell, begin, end, nearest):  # type: ignore[no-untyped-def]
-    """Fill `nearest` of blocks in the order of their cells: those of cell c are `of_cell[c]` ... `of_cell[c + 1]`.
+class _Blocks(NamedTuple):
+    """Blocks of texels that have skin, in the order of their cells.
 
-    Those of the columns of cells around it are `begin[c, column]` ... `end[c, column]`.
+    Attributes
+    ----------
+    centre : ndarray of shape (B, 3)
+        mm.
+    radius, side : ndarrays of shape (B,)
+        Half the side of a square of its spread, and its shorter side, mm.
+    place : ndarray of shape (B, 3)
+        Tile, row and column.
     """
+
+    centre: Float
+    radius: Float
+    side: Float
+    place: Float
+
+
+class _Cells(NamedTuple):
+    """Which blocks lie in each cell of a grid, and around it.
+
+    Attributes
+    ----------
+    of_cell : ndarray of shape (cells + 1,), int64
+        Blocks of cell c are of_cell[c] ... of_cell[c + 1].
+    begin, end : ndarrays of shape (cells, 9), int64
+        Those of each column of cells around it.
+    """
+
+    of_cell: NDArray[np.int64]
+    begin: NDArray[np.int64]
+    end: NDArray[np.int64]
+
+
+@kernel
+def _distances(first, stop, blocks, cells, nearest):  # type: ignore[no-untyped-def]
+    """Least distance of blocks to foreign skin.
+
+    Parameters
+    ----------
+    first, stop : int
+        Cells.
+    blocks : _Blocks
+    cells : _Cells
+    nearest : ndarray of shape (B,), float32
+        Written, mm; infinite where none is near.
+    """
+    centre, radius, side, place = blocks.centre, blocks.radius, blocks.side, blocks.place
+    of_cell, begin, end = cells.of_cell, cells.begin, cells.end
     for c in range(first, stop):
-        nearest[of_cell[c] : of_cell[c + 1]] = np.inf
+        for k in range(of_cell[c], of_cell[c + 1]):
+            nearest[k] = np.inf
         for column in range(begin.shape[1]):
             for k in range(of_cell[c], of_cell[c + 1]):
                 best = nearest[k]
