@@ -100,16 +100,6 @@ def test_numba_s_and_llvm_s_insides_are_known_in_one_folder():
     assert {file.parent for file in found} == {ROOT / "skinbake" / "kernels"}
 
 
-STILL_LONG = (
-    "diffuse/terms/beam.py:_read_upstream",
-    "diffuse/terms/beam.py:_aim_upstream",
-    "diffuse/terms/interreflection.py:_aim",
-    "diffuse/terms/interreflection.py:_collect",
-    "diffuse/terms/skin_hits.py:_place",
-    "diffuse/terms/transmission.py:_read_table",
-)  # to be given named tuples
-
-
 def test_kernels_take_seven_arguments_at_most():
     """What belongs together is a named tuple: a call of fifteen arrays in a row cannot be read, nor put in order."""
     kernels, long = 0, []
@@ -124,4 +114,4 @@ def test_kernels_take_seven_arguments_at_most():
             if len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs) > 7:
                 long.append(f"{file.relative_to(ROOT / 'skinbake').as_posix()}:{node.name}")
     assert kernels > 100
-    assert sorted(long) == sorted(STILL_LONG)
+    assert long == []

@@ -117,29 +117,32 @@ class BeamShift:
         rows : ndarray, optional
             Of the texture; all of them by default.
         """
-        raster, source = self._raster, emitter(light, self._occluder.centre_mm)
+        source = emitter(light, self._occluder.centre_mm)
         rows = np.arange(len(image)) if rows is None else rows
         out = image[rows].copy()
         lost = np.zeros((len(rows), image.shape[1]), np.bool_)
-        parallel_for(
-            _read_upstream, len(rows),
-            rows, source, raster.face_index, raster.barycentric, self._corner, self._mesh.corner_normal, self._step,
-            self._reach_mm, image, out, lost,
-        )  # fmt: skip
+        parallel_for(_read_upstream, len(rows), rows, self._skin_under(source), self._step, image, _Upstream(out, lost))
         at = np.argwhere(lost)
         if len(at):
             self._read_by_rays(source, rows, at, image, out)
         return out
 
+    def _skin_under(self, source: Float) -> _LitSkin:
+        """The tile's skin and a light, as kernels take them."""
+        return _LitSkin(*self._raster.shown, self._corner, self._mesh.corner_normal, source, self._reach_mm)
+
     def _read_by_rays(self, source: Float, rows: Index, at: Index, image: Image, out: Image) -> None:
         """Write the light that rays find upstream of some texels."""
-        raster, shape = self._raster, image.shape
+        shape = image.shape
         origin, down = np.empty((len(at), 3, 3), np.float32), np.empty((len(at), 3, 3), np.float32)
         parallel_for(
-            _aim_upstream, len(at),
-            rows[at[:, 0]], at[:, 1], source, raster.face_index, raster.barycentric, self._corner,
-            self._mesh.corner_normal, self._reach_mm, origin, down,
-        )  # fmt: skip
+            _aim_upstream,
+            len(at),
+            (rows[at[:, 0]], np.ascontiguousarray(at[:, 1])),
+            self._skin_under(source),
+            origin,
+            down,
+        )
         tile, texel = locate_hits(
             self._mesh, self._occluder, (shape[1], shape[0]), self._udim, origin.reshape(-1, 3), down.reshape(-1, 3)
         )
@@ -185,6 +188,44 @@ def decide_beam(name: str, moved: float, switch: str, tolerance: float) -> Decis
     return Decision(f"{name}.beam", switch == "on" or moved > tolerance, f"{why}, tolerance {tolerance:.2%}")
 
 
+class _LitSkin(NamedTuple):
+    """Skin of a tile under a light.
+
+    Attributes
+    ----------
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
+        As in `ShownFaces`.
+    corner, normals : ndarrays of shape (F, 3, 3)
+        Positions about the rays' centre, mm, and normals.
+    source : ndarray of shape (10,)
+        As `emitter` makes it.
+    reach_mm : ndarray of shape (3,)
+        Free path over index.
+    """
+
+    face_index: NDArray[np.int32]
+    barycentric: Image
+    corner: Float
+    normals: Float
+    source: Float
+    reach_mm: Float
+
+
+class _Upstream(NamedTuple):
+    """What is found upstream of the texels of R rows.
+
+    Attributes
+    ----------
+    out : ndarray of shape (R, W, 3)
+        Light, where a place was found.
+    lost : ndarray of shape (R, W), bool
+        Where none was.
+    """
+
+    out: Image
+    lost: NDArray[np.bool_]
+
+
 @kernel(inline=True)
 def _tangent(source, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Part of the unit direction to a light in the tangent plane."""
@@ -195,15 +236,14 @@ def _tangent(source, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 @kernel(inline=True)
 def _unit_normal(normals, face, b1, b2):  # type: ignore[no-untyped-def]
+    """Unit normal of the smooth surface at a place in a face."""
     x, y, z = facet_point(normals, face, b1, b2)
     length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
     return x / length, y / length, z / length
 
 
 @kernel
-def _read_upstream(  # type: ignore[no-untyped-def]
-    first, stop, rows, source, face_index, barycentric, corner, normals, step, reach_mm, image, out, lost
-):
+def _read_upstream(first, stop, rows, skin, step, image, upstream):  # type: ignore[no-untyped-def]
     """Light upstream of each texel of some rows, found across the texture.
 
     Parameters
@@ -211,20 +251,15 @@ def _read_upstream(  # type: ignore[no-untyped-def]
     first, stop : int
         Which of the rows.
     rows : ndarray of shape (R,)
-    source : ndarray of shape (10,)
-        As `emitter` makes it.
-    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
-    corner, normals : ndarrays of shape (F, 3, 3)
-        Positions about the rays' centre, mm, and normals.
+    skin : _LitSkin
     step : ndarray of shape (F, 2, 3)
         Skin of one column and of one row, mm.
-    reach_mm : ndarray of shape (3,)
-        Free path over index.
     image : ndarray of shape (H, W, 3)
-    out : ndarray of shape (R, W, 3), written where a place was found
-    lost : ndarray of shape (R, W), written
-        Where none was.
+    upstream : _Upstream
+        Written.
     """
+    face_index, barycentric, corner, normals = skin.face_index, skin.barycentric, skin.corner, skin.normals
+    source, reach_mm, out, lost = skin.source, skin.reach_mm, upstream.out, upstream.lost
     height, width = face_index.shape
     longest = max(reach_mm[0], reach_mm[1], reach_mm[2])
     for k in range(first, stop):
@@ -293,20 +328,21 @@ def _read_upstream(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _aim_upstream(  # type: ignore[no-untyped-def]
-    first, stop, rows, cols, source, face_index, barycentric, corner, normals, reach_mm, origin, down
-):
+def _aim_upstream(first, stop, texels, skin, origin, down):  # type: ignore[no-untyped-def]
     """Rays down to the skin upstream of texels, one a channel, written.
 
     Parameters
     ----------
     first, stop : int
         Which of the texels.
-    rows, cols : ndarrays of shape (n,)
-    source, face_index, barycentric, corner, normals, reach_mm
-        As in `_read_upstream`.
+    texels : tuple of two ndarrays of shape (n,)
+        Rows and columns.
+    skin : _LitSkin
     origin, down : ndarrays of shape (n, 3, 3)
     """
+    rows, cols = texels
+    face_index, barycentric, corner, normals = skin.face_index, skin.barycentric, skin.corner, skin.normals
+    source, reach_mm = skin.source, skin.reach_mm
     for k in range(first, stop):
         face = face_index[rows[k], cols[k]]
         b1, b2 = np.float64(barycentric[rows[k], cols[k], 0]), np.float64(barycentric[rows[k], cols[k], 1])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,10 +136,8 @@ def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Ima
             for j, receiving in enumerate(got):
                 mine = np.flatnonzero(view.tile == j)
                 flat = receiving.reshape(lights, -1, 3)
-                parallel_for(
-                    _collect, len(mine), view.flat_index[mine], view.seen_tile[mine], view.seen[mine], k, size,
-                    np.ascontiguousarray(image, np.float32), flat,
-                )  # fmt: skip
+                met = _Seen(view.flat_index[mine], view.seen_tile[mine], view.seen[mine], size)
+                parallel_for(_collect, len(mine), met, k, np.ascontiguousarray(image, np.float32), flat)
         for total, each in zip(out, got, strict=True):
             total += each
         if turn + 1 < bounces:
@@ -226,7 +225,8 @@ def _trace(
     origin = np.empty((len(point) * count, 3), np.float32)
     direction = np.empty_like(origin)
     step = np.float32(0.01 + 32 * occluder.spacing_mm)
-    parallel_for(_aim, len(point), point, normal, flat, first, count, step, origin, direction)
+    points, sequence = _Points(point, normal, flat), _Sequence(first, count, step)
+    parallel_for(_aim, len(point), points, sequence, origin, direction)
     tile, texel = np.empty((2, len(origin)), np.int32)
     for start in range(0, len(origin), 1 << 20):
         part = slice(start, start + (1 << 20))
@@ -234,22 +234,51 @@ def _trace(
     return tile.reshape(-1, count), texel.reshape(-1, count)
 
 
+class _Points(NamedTuple):
+    """Points of the skin from which rays start.
+
+    Attributes
+    ----------
+    point, normal : ndarrays of shape (n, 3), float32
+    flat : ndarray of shape (n,), int64
+        Number of the texel, which turns its sequence of rays.
+    """
+
+    point: Image
+    normal: Image
+    flat: Index
+
+
+class _Sequence(NamedTuple):
+    """Rays of each point's own sequence.
+
+    Attributes
+    ----------
+    first, amount : int
+        The first one, and how many.
+    step : float32
+        Start above the skin, mm.
+    """
+
+    first: int
+    amount: int
+    step: np.float32
+
+
 @kernel
-def _aim(start, stop, point, normal, flat, first, count, step, origin, direction):  # type: ignore[no-untyped-def]
-    """Cosine-distributed rays `first` to `first + count` of each texel's own sequence, written.
+def _aim(start, stop, points, sequence, origin, direction):  # type: ignore[no-untyped-def]
+    """Write cosine-distributed rays of each point's own sequence.
 
     Parameters
     ----------
     start, stop : int
-        Which of them.
-    point, normal : ndarrays of shape (n, 3)
-    flat : ndarray of shape (n,)
-        What turns each texel's sequence.
-    first, count : int
-    step : float
-        Start above the skin, mm.
-    origin, direction : ndarrays of shape (n * count, 3), written
+        Points.
+    points : _Points
+    sequence : _Sequence
+    origin, direction : ndarrays of shape (n * amount, 3), written
     """
+    point, normal, flat = points.point, points.normal, points.flat
+    first, count, step = sequence.first, sequence.amount, sequence.step
     for i in range(start, stop):
         nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
         sign = 1.0 if nz >= 0.0 else -1.0
@@ -269,22 +298,42 @@ def _aim(start, stop, point, normal, flat, first, count, step, origin, direction
                 origin[at, axis] = point[i, axis] + step * normal[i, axis]
 
 
+class _Seen(NamedTuple):
+    """What the rays of points meet.
+
+    Attributes
+    ----------
+    flat_index : ndarray of shape (n,), int64
+        Texel of each point.
+    seen_tile : ndarray of shape (n, rays), int32
+        Place of a tile in the atlas.
+    seen : ndarray of shape (n, rays), int32
+        Texel of a texture of `size`; NOTHING where there is no skin.
+    size : (height, width)
+    """
+
+    flat_index: Index
+    seen_tile: NDArray[np.int32]
+    seen: NDArray[np.int32]
+    size: tuple[int, int]
+
+
 @kernel
-def _collect(start, stop, flat_index, seen_tile, seen, tile, size, image, out):  # type: ignore[no-untyped-def]
+def _collect(start, stop, met, tile, image, out):  # type: ignore[no-untyped-def]
     """Add the mean of what rays see of one tile to their texels.
 
     Parameters
     ----------
     start, stop : int
-        Which of them.
-    flat_index : ndarray of shape (n,)
-    seen_tile, seen : ndarrays of shape (n, rays)
-        `seen` is a texel of a texture of `size`, whatever the size of `image` is.
+        Points.
+    met : _Seen
     tile : int
-    size : (height, width)
+        Place in the atlas.
     image : ndarray of shape (L, h, w, 3)
+        Of any size.
     out : ndarray of shape (L, texels, 3), added to
     """
+    flat_index, seen_tile, seen, size = met.flat_index, met.seen_tile, met.seen, met.size
     lights, height, width = image.shape[0], image.shape[1], image.shape[2]
     rays = seen.shape[1]
     for i in range(start, stop):

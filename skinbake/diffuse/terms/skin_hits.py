@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, tile_origin, tiles_of
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.shadow_origin import facet_point, point_of
+from skinbake.irradiance.shadow_origin import SubdividedMesh, facet_point, point_of
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
@@ -32,22 +34,48 @@ def skin_points(
         Addressed texels.
     """
     point, normal = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
-    parallel_for(
-        _place, len(rows),
-        raster.face_index, raster.barycentric, rows, cols, occluder.subdivided, mesh.corner_normal, point, normal,
-    )  # fmt: skip
+    skin = _Skin(occluder.subdivided, mesh.corner_normal)
+    texels = np.ascontiguousarray(rows), np.ascontiguousarray(cols)
+    parallel_for(_place, len(rows), raster.shown, texels, skin, point, normal)
     return point, normal
 
 
+class _Skin(NamedTuple):
+    """The surface that rays meet, and the mesh's normals.
+
+    Attributes
+    ----------
+    subdivided : SubdividedMesh
+    corner_normal : ndarray of shape (F, 3, 3)
+    """
+
+    subdivided: SubdividedMesh
+    corner_normal: Float
+
+
 @kernel
-def _place(first, stop, face_index, barycentric, rows, cols, subdivided, normals, point, normal):  # type: ignore[no-untyped-def]
-    """Write the points and normals of texels `first` to `stop` of a list."""
+def _place(first, stop, shown, texels, skin, point, normal):  # type: ignore[no-untyped-def]
+    """Write the points and normals of texels of a list.
+
+    Parameters
+    ----------
+    first, stop : int
+        Which of them.
+    shown : ShownFaces
+    texels : tuple of two ndarrays of shape (n,), int64
+        Rows and columns.
+    skin : _Skin
+    point, normal : ndarrays of shape (n, 3), float32
+        Written.
+    """
+    face_index, barycentric = shown.face_index, shown.barycentric
+    rows, cols = texels
     for k in range(first, stop):
         face, b = face_index[rows[k], cols[k]], barycentric[rows[k], cols[k]]
-        x, y, z = facet_point(normals, face, np.float64(b[0]), np.float64(b[1]))
+        x, y, z = facet_point(skin.corner_normal, face, np.float64(b[0]), np.float64(b[1]))
         length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
         normal[k, 0], normal[k, 1], normal[k, 2] = x / length, y / length, z / length
-        point[k, 0], point[k, 1], point[k, 2] = point_of(subdivided, face, np.float64(b[0]), np.float64(b[1]))
+        point[k, 0], point[k, 1], point[k, 2] = point_of(skin.subdivided, face, np.float64(b[0]), np.float64(b[1]))
 
 
 def ascend(child: Index, b1: Float, b2: Float, levels: int) -> tuple[Index, Float, Float]:

@@ -161,12 +161,29 @@ def _weights_at(weights: SlabWeights, thickness_mm: Float, opposed: Float) -> Im
     step = float(np.log(weights.thickness_mm[1] / weights.thickness_mm[0]))
     out = np.zeros((len(thickness_mm), *table.shape[1:]), np.float32)
     thinnest_mm = float(weights.thickness_mm[0])
-    parallel_for(_read_table, len(out), table, thinnest_mm, step, thickness_mm, opposed, out)
+    rays = np.ascontiguousarray(thickness_mm), np.ascontiguousarray(opposed)
+    parallel_for(_read_table, len(out), table, thinnest_mm, step, rays, out)
     return out
 
 
 @kernel
-def _read_table(first, stop, table, thinnest_mm, step, thickness_mm, opposed, out):  # type: ignore[no-untyped-def]
+def _read_table(first, stop, table, thinnest_mm, step, rays, out):  # type: ignore[no-untyped-def]
+    """`_weights_at` of rays.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rays.
+    table : ndarray of shape (K, N, 3)
+        Weights at thicknesses in even steps of their logarithm.
+    thinnest_mm, step : float
+        The first one, and the step.
+    rays : tuple of two ndarrays of shape (n,)
+        Thickness that each passes, mm, and the factor on its weights.
+    out : ndarray of shape (n, N, 3), float32
+        Written; zero where it is dark.
+    """
+    thickness_mm, opposed = rays
     last = len(table) - 1
     for ray in range(first, stop):
         k = np.log(max(thickness_mm[ray], 1e-6) / thinnest_mm) / step
@@ -184,7 +201,9 @@ def _read_table(first, stop, table, thinnest_mm, step, thickness_mm, opposed, ou
                 total += abs(weight)
             most = max(most, total)
         if most < DARK:
-            out[ray] = 0
+            for i in range(table.shape[1]):
+                for c in range(3):
+                    out[ray, i, c] = 0
 
 
 def _gather(
@@ -208,6 +227,21 @@ def _gather(
 def _add_bilinear(
     first: int, stop: int, image: Image, uv: Float, pick: NDArray[np.int64], weight: Image, out: Image
 ) -> None:
+    """Add weighted light of a lobe, read bilinearly, at places of the texture.
+
+    Parameters
+    ----------
+    first, stop : int
+        Places.
+    image : ndarray of shape (L, h, w, 3)
+    uv : ndarray of shape (n, 2)
+        Within the tile.
+    pick : ndarray of shape (n,)
+        Row of `weight` and of `out` that each place has.
+    weight : ndarray of shape (all, 3)
+    out : ndarray of shape (L, all, 3)
+        Added to.
+    """
     lights, height, width = image.shape[:3]
     for n in range(first, stop):
         x = min(max(uv[n, 0] * width - 0.5, 0.0), width - 1.0)
