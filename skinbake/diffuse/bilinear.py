@@ -35,7 +35,15 @@ def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) 
 
 
 def bilinear_texels(place: Float, height: int, width: int) -> tuple[NDArray[np.int64], Float]:
-    """The four texels around each place, flat, and their weights, both (P, 4)."""
+    """The four texels around each place, flat, and their weights, both (P, 4).
+
+    Parameters
+    ----------
+    place : ndarray of shape (P, 2)
+        (row, column) / size.
+    height, width : int
+        Of the image.
+    """
     row, col = place[:, 0] * height - 0.5, place[:, 1] * width - 0.5
     r0, c0 = np.floor(row).astype(np.int64), np.floor(col).astype(np.int64)
     fr, fc = row - r0, col - c0

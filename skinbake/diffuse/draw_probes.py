@@ -107,6 +107,7 @@ def _block_sums(area: NDArray[np.float32], liked: NDArray[np.float32], most: flo
 
 @kernel
 def _add_blocks(first, stop, area, liked, most, sums):  # type: ignore[no-untyped-def]
+    """`_block_sums` of blocks `first` to `stop`."""
     for block in range(first, stop):
         total, preferred, texels = 0.0, 0.0, 0
         for k in range(block * _BLOCK, min((block + 1) * _BLOCK, len(area))):

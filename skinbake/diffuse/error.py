@@ -11,7 +11,14 @@ from skinbake.numerics import Float, norm_of_all
 
 
 def relative_rms(got: Float, want: Float, scale: Float | None = None) -> float:
-    """||got - want|| / ||scale or want||; 0 where both are nothing."""
+    """||got - want|| / ||scale or want||; 0 where both are nothing.
+
+    Parameters
+    ----------
+    got, want : ndarrays of one shape
+    scale : ndarray, optional
+        What the difference is measured against, if not `want`.
+    """
     norm = norm_of_all(want if scale is None else scale)
     difference = norm_of_all(got - want)
     return difference / norm if norm > 0 else (0.0 if difference == 0 else float("inf"))
@@ -28,6 +35,11 @@ def measure_error(read: Float, unreduced: Float, exact: Float) -> MeasuredError:
         The method's own result at the same points.
     exact : ndarray of shape (P, C)
         The surface integral.
+
+    Raises
+    ------
+    ValueError
+        The shapes differ, or there is no probe.
     """
     if not read.shape == unreduced.shape == exact.shape:
         raise ValueError(f"measure_error: shapes differ: {read.shape}, {unreduced.shape}, {exact.shape}")

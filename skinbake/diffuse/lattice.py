@@ -32,6 +32,11 @@ def discrete_gaussian(t: float, tail: float = TAIL) -> Float:
     ndarray of shape (R + 1,)
         Half kernel: entry n is the weight at +n and at -n.
 
+    Raises
+    ------
+    ValueError
+        If `t` is below 0.
+
     References
     ----------
     [Lindeberg1990]
@@ -46,6 +51,15 @@ def discrete_gaussian(t: float, tail: float = TAIL) -> Float:
 
 def sampled_gaussian(t: float, offset: float = 0.0, tail: float = TAIL) -> tuple[int, Float]:
     """Gaussian of variance t sampled at `first + k - offset`, normalised; wants t >= 0.6 (theory.md 5.6).
+
+    Parameters
+    ----------
+    t : float
+        Variance in steps of the grid, squared.
+    offset : float
+        Middle of the Gaussian.
+    tail : float
+        Mass that is left out.
 
     Returns
     -------
@@ -103,7 +117,13 @@ def lattice_variance(variance, texel, table):  # type: ignore[no-untyped-def]
 
 @kernel
 def lattice_gain(variance, texel, table):  # type: ignore[no-untyped-def]
-    """2 pi t / (sum_n exp(-n^2 / 2t'))^2: makes the 2-D lattice sum that of the continuous Gaussian."""
+    """2 pi t / (sum_n exp(-n^2 / 2t'))^2: makes the 2-D lattice sum that of the continuous Gaussian.
+
+    Parameters
+    ----------
+    variance, texel, table
+        As in `lattice_variance`.
+    """
     if texel <= 0 or variance >= texel:
         return 1.0
     t = variance / texel

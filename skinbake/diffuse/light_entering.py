@@ -279,7 +279,14 @@ def _bounce(
 
 
 def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> Image:
-    """Linear albedo at the texels of a tile, shape (H, W, 3), or (1, 1, 3) where it is the same everywhere."""
+    """Linear albedo at the texels of a tile, shape (H, W, 3), or (1, 1, 3) where it is the same everywhere.
+
+    Parameters
+    ----------
+    maps : SkinMaps
+    raster : AtlasRaster
+    mesh : SkinMesh
+    """
     if raster.tile not in maps.albedo:
         return np.array(maps.albedo_rgb, np.float32).reshape(1, 1, 3)
     return np.maximum(sample_map(raster, mesh, maps.albedo, maps.albedo_rgb), 0)

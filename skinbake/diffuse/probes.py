@@ -63,9 +63,15 @@ def light_at_probes(source: Tiles, probes: Probes) -> Float:
 
 
 def read_at_probes(lobe: Tiles, probes: Probes, half: bool = False) -> Float:
-    """A stored lobe of any size, (L, h, w, 3) a tile, read bilinearly at the probes, (P, 3 L).
+    """A stored lobe of any size read bilinearly at the probes, (P, 3 L).
 
-    `half` rounds each texel to binary16 first, as a file would hold it.
+    Parameters
+    ----------
+    lobe : Tiles
+        (L, h, w, 3) a tile.
+    probes : Probes
+    half : bool
+        Round each texel to binary16 first, as a file would hold it.
     """
     out = np.zeros((len(probes), 3 * _lights(lobe)))
     for tile, image in lobe.items():

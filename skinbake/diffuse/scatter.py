@@ -90,9 +90,17 @@ def scatter(
 def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int) -> None:
     """Stop before anything is rasterised that this machine cannot hold.
 
+    Parameters
+    ----------
+    spec : SceneSpec
+    decisions : Decisions
+    tiles : int
+        How many.
+
     Raises
     ------
     MachineError
+        More memory is needed than there is.
     """
     lights = len(decisions.stored_lights)
     check_memory(spec.texture.size[::-1], lights, tiles, LIKELY_LOBES, spec.diffusion.method)

@@ -14,7 +14,13 @@ from numba.extending import intrinsic
 
 @intrinsic
 def call_with_pointers(typing: Any, function: Any, first: Any, second: Any) -> Any:
-    """Call `void function(void* first, void* second, NULL)`, all three given as integers."""
+    """Call `void function(void* first, void* second, NULL)`, all three given as integers.
+
+    Parameters
+    ----------
+    function, first, second : int
+        Addresses.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         byte = ir.IntType(8).as_pointer()

@@ -61,7 +61,13 @@ def _address(context: Any, builder: Any, array_type: Any, array: Any, index: Any
 
 @intrinsic
 def load(typing: Any, array: Any, index: Any) -> Any:
-    """Sixteen entries of a flat contiguous float32 array, from `index` on; not checked."""
+    """Sixteen entries of a flat contiguous float32 array, from `index` on; not checked.
+
+    Parameters
+    ----------
+    array : ndarray, float32
+    index : int
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.load(_address(context, builder, signature.args[0], *args), align=4)
@@ -71,7 +77,13 @@ def load(typing: Any, array: Any, index: Any) -> Any:
 
 @intrinsic
 def load_scalar(typing: Any, array: Any, index: Any) -> Any:
-    """One entry of a flat contiguous float32 array; not checked, not even for being counted from the end."""
+    """One entry of a flat contiguous float32 array; not checked, not even for being counted from the end.
+
+    Parameters
+    ----------
+    array : ndarray, float32
+    index : int
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, args[0]).data
@@ -82,7 +94,13 @@ def load_scalar(typing: Any, array: Any, index: Any) -> Any:
 
 @intrinsic
 def prefetch(typing: Any, array: Any, index: Any) -> Any:
-    """Ask for the memory around an entry of a flat contiguous float32 array, which need not be there."""
+    """Ask for the memory around an entry of a flat contiguous float32 array, which need not be there.
+
+    Parameters
+    ----------
+    array : ndarray, float32
+    index : int
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, args[0]).data
@@ -98,7 +116,14 @@ def prefetch(typing: Any, array: Any, index: Any) -> Any:
 
 @intrinsic
 def store(typing: Any, array: Any, index: Any, value: Any) -> Any:
-    """Write sixteen entries of a flat contiguous float32 array, from `index` on; not checked."""
+    """Write sixteen entries of a flat contiguous float32 array, from `index` on; not checked.
+
+    Parameters
+    ----------
+    array : ndarray, float32
+    index : int
+    value : lanes
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         builder.store(args[2], _address(context, builder, signature.args[0], *args[:2]), align=4)
@@ -108,7 +133,7 @@ def store(typing: Any, array: Any, index: Any, value: Any) -> Any:
 
 
 def _signature(*kinds: Any) -> Any:
-    """Of a function of lanes and scalars."""
+    """Signature of a function of lanes and scalars that gives lanes."""
     return _LANES(*(kind if isinstance(kind, _LanesType) else types.float32 for kind in kinds))
 
 
@@ -120,7 +145,12 @@ def _wide(builder: Any, signature: Any, values: Any) -> list[Any]:
 
 @intrinsic
 def same(typing: Any, a: Any, b: Any) -> Any:
-    """1 in each lane where two are equal, else 0."""
+    """1 in each lane where two are equal, else 0.
+
+    Parameters
+    ----------
+    a, b : lanes or float32
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         equal = builder.fcmp_ordered("==", *_wide(builder, signature, args))
@@ -153,7 +183,12 @@ sum_of_lanes = _across(lambda builder, a, b: builder.fadd(a, b))
 
 @intrinsic
 def bits_below(typing: Any, a: Any, b: Any) -> Any:
-    """Bit k of the result tells whether lane k of a is below that of b; int64."""
+    """Bit k of the result tells whether lane k of a is below that of b; int64.
+
+    Parameters
+    ----------
+    a, b : lanes or float32
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         below = builder.fcmp_ordered("<", *_wide(builder, signature, args))
@@ -174,7 +209,12 @@ def lowest_bit(typing: Any, bits: Any) -> Any:
 
 @intrinsic
 def mul_add(typing: Any, a: Any, b: Any, c: Any) -> Any:
-    """a b + c of lanes and scalars; of float32 scalars only, the scalar that each lane would be."""
+    """a b + c of lanes and scalars; of float32 scalars only, the scalar that each lane would be.
+
+    Parameters
+    ----------
+    a, b, c : lanes or float32
+    """
     if not any(isinstance(kind, _LanesType) for kind in (a, b, c)):
 
         def scalar(context: Any, builder: Any, signature: Any, args: Any) -> Any:

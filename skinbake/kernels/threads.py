@@ -74,7 +74,10 @@ def for_slices(work: Callable[[slice], None], count: int, step: int) -> None:
 def on_threads(work: Callable[[int], None], count: int) -> None:
     """Do `work` on each number below `count`: this thread helps, so it may be called from anywhere, also from itself.
 
-    Of exceptions, one is raised again; what has not begun by then is left undone.
+    Raises
+    ------
+    Exception
+        One of those that `work` has raised; what has not begun by then is left undone.
     """
     helpers = min(thread_count(), count) - 1
     if helpers <= 0:

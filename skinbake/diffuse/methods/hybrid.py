@@ -54,7 +54,13 @@ class Hybrid(DiffusionMethod):
         return tiles
 
     def at_probes(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
-        """Blur and sums at the probes themselves, mixed as at the texel of the stored size that shows each."""
+        """Blur and sums at the probes themselves, mixed as at the texel of the stored size that shows each.
+
+        Parameters
+        ----------
+        resources, lobe, probes
+            As in `DiffusionMethod`.
+        """
         variance, level = lobe.variance_mm2, lobe.level
         pyramids, texels2 = resources.pyramids.get(), resources.geometry.variance_texels2(variance)
         blurred = blur_at_probes(pyramids, texels2, level, probes)
@@ -69,7 +75,13 @@ class Hybrid(DiffusionMethod):
         return blurred + np.repeat(share, 3, axis=1) * (sums - blurred)
 
     def read_stored(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
-        """From the four texels around each probe only; those that count nothing are not summed."""
+        """From the four texels around each probe only; those that count nothing are not summed.
+
+        Parameters
+        ----------
+        resources, lobe, probes
+            As in `DiffusionMethod`.
+        """
         variance, level = lobe.variance_mm2, lobe.level
         texels2 = resources.geometry.variance_texels2(variance)
         out = np.zeros((len(probes), 3 * resources.lights))

@@ -26,7 +26,13 @@ class Identity(DiffusionMethod):
         return dict(resources.source)
 
     def at_probes(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
-        """The light that arrives at the probes' own texels."""
+        """The light that arrives at the probes' own texels.
+
+        Parameters
+        ----------
+        resources, lobe, probes
+            As in `DiffusionMethod`.
+        """
         return light_at_probes(resources.source, probes)
 
     def candidates(self, trial: Trial) -> Iterator[Proposal]:

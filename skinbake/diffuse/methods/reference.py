@@ -37,7 +37,13 @@ class Reference(DiffusionMethod):
         return tiles
 
     def at_probes(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
-        """The integral at the probes; the light that arrives there where the lobe has no width."""
+        """The integral at the probes; the light that arrives there where the lobe has no width.
+
+        Parameters
+        ----------
+        resources, lobe, probes
+            As in `DiffusionMethod`.
+        """
         if lobe.variance_mm2 == 0:
             return light_at_probes(resources.source, probes)
         return reference_integral(

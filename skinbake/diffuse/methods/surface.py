@@ -57,14 +57,26 @@ class Surface(DiffusionMethod):
         return tiles
 
     def at_probes(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
-        """Sums at the probes themselves."""
+        """Sums at the probes themselves.
+
+        Parameters
+        ----------
+        resources, lobe, probes
+            As in `DiffusionMethod`.
+        """
         sources = resources.sources(lobe.variance_mm2, lobe.spacing)
         return surface_sums(
             sources, probes.position, probes.normal, probes.texel_mm2, lobe.variance_mm2, resources.rule
         )
 
     def read_stored(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
-        """From sums at the four texels around each probe only."""
+        """From sums at the four texels around each probe only.
+
+        Parameters
+        ----------
+        resources, lobe, probes
+            As in `DiffusionMethod`.
+        """
         sources = resources.sources(lobe.variance_mm2, lobe.spacing)
         out = np.zeros((len(probes), 3 * resources.lights))
         for tile, points in resources.geometry.targets(lobe.level).items():

@@ -32,12 +32,24 @@ class Texture(DiffusionMethod):
         }
 
     def at_probes(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
-        """The blur between the texels of its level."""
+        """The blur between the texels of its level.
+
+        Parameters
+        ----------
+        resources, lobe, probes
+            As in `DiffusionMethod`.
+        """
         texels2 = resources.geometry.variance_texels2(lobe.variance_mm2)
         return blur_at_probes(resources.pyramids.get(), texels2, lobe.level, probes)
 
     def read_stored(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
-        """From the four texels around each probe only."""
+        """From the four texels around each probe only.
+
+        Parameters
+        ----------
+        resources, lobe, probes
+            As in `DiffusionMethod`.
+        """
         texels2 = resources.geometry.variance_texels2(lobe.variance_mm2)
         return read_blur(blur_around_probes(resources.pyramids.get(), texels2, lobe.level, probes), probes)
 

@@ -102,7 +102,16 @@ def slab_weights(gaussians: GaussianSum, reflectance_rgb: Float, medium: SkinMed
 
 
 def fit_slabs(gaussians: GaussianSum, medium: Medium, boundary: float) -> SlabWeights:
-    """`slab_weights` for a given medium and boundary factor A of both faces."""
+    """`slab_weights` for a given medium and boundary factor A of both faces.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+        The lobes whose weights are wanted.
+    medium : Medium
+    boundary : float
+        A.
+    """
     thickness = np.geomspace(THINNEST_MM, THICKEST_MM, THICKNESSES)
     frequency = np.concatenate([[0.0], np.geomspace(1e-2, 60.0, 200)])
     importance = np.sqrt(np.gradient(frequency) * frequency)

@@ -123,6 +123,13 @@ def far_side(
 ) -> tuple[NDArray[np.int64], Float, Float, Float]:
     """Where the inward normal leaves the flesh.
 
+    Parameters
+    ----------
+    occluder : Occluder
+    mesh : SkinMesh
+    point, normal : ndarrays of shape (n, 3)
+        On the surface that rays meet, mm about the occluder's centre, and unit.
+
     Returns
     -------
     face : ndarray of shape (n,)

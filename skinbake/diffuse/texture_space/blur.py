@@ -93,6 +93,11 @@ def mean_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> tuple[float, flo
     """Mean over the charts' area of the length of a step along (row, column), mm; `size` is (height, width).
 
     Weighted by area in UV, that is by texel: a sliver in UV, stretched a thousandfold, has no say.
+
+    Raises
+    ------
+    ValueError
+        The mesh has no area in UV.
     """
     form, weight = first_fundamental_form(mesh), np.abs(signed_uv_area(mesh))
     if not weight.sum() > 0:
@@ -147,7 +152,22 @@ def texture_blur(
 
 
 def level_kernel(pyramid: TexturePyramid, variance_texels2: tuple[float, float], level: int, axis: int) -> Float:
-    """Half kernel along an axis that remains to be applied at a level, in its own texels."""
+    """Half kernel along an axis that remains to be applied at a level, in its own texels.
+
+    Parameters
+    ----------
+    pyramid : TexturePyramid
+    variance_texels2 : (float, float)
+        Of the lobe along (y, x), texels of the full size squared.
+    level : int
+    axis : int
+        0 for y, 1 for x.
+
+    Raises
+    ------
+    ValueError
+        The level is too coarse for the lobe.
+    """
     t = variance_texels2[axis]
     if level == 0:
         return discrete_gaussian(t)
