@@ -28,6 +28,7 @@ VERBS = {
     "irradiance": "Rasterise the light arriving at each texel.",
     "preview": "Show or render what a bake left.",
     "profile": "Evaluate R(r), T(r) and totals of a skin.",
+    "schema": "Print the JSON schema of a look, or the page of every key.",
     "tradeoff": "Measure time and memory against error.",
     "truth": "Measure how far a bake is from light transport in the same skin.",
 }

@@ -25,23 +25,31 @@ class _Light(Strict):
     everywhere: ClassVar[bool] = False  # no direction or position: it comes from all sides at once
 
     name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
-    shadows: bool | None = None  # None: as the look's `shadows`
+    """Its name: letters, digits, - and _."""
+    shadows: bool | None = None
+    """Whether it casts shadows; by default as the look says."""
 
 
 class DirectionalLight(_Light):
     """Parallel light. `direction` is where it travels to; `irradiance` falls on a plane facing it."""
 
     type: Literal["directional"]
+    """Parallel light, a sun."""
     direction: Direction
+    """Where the light travels to: [0, 0, -1] shines into a face that looks along +z."""
     irradiance: Rgb
+    """On a plane that faces it."""
 
 
 class PointLight(_Light):
     """Point of radiant intensity W/sr: E = intensity cos / distance_mm^2."""
 
     type: Literal["point"]
+    """A point."""
     position_mm: Vector
+    """Where it is, mm."""
     intensity: Rgb
+    """Radiant intensity, W/sr: E = intensity cos / distance_mm^2."""
 
 
 class SpotLight(_Light):
@@ -50,11 +58,17 @@ class SpotLight(_Light):
     """
 
     type: Literal["spot"]
+    """A point in a cone."""
     position_mm: Vector
+    """Where it is, mm."""
     intensity: Rgb
+    """As of a point."""
     axis: Direction
+    """Where it points."""
     inner_deg: Annotated[float, Field(ge=0, lt=180)] = 20.0
+    """Half angle of the full beam, degrees."""
     outer_deg: Annotated[float, Field(gt=0, le=180)] = 30.0
+    """Half angle at which it has faded, degrees."""
 
     @model_validator(mode="after")
     def _cone(self) -> SpotLight:
@@ -70,11 +84,17 @@ class RectangleLight(_Light):
     """
 
     type: Literal["rectangle"]
+    """A window or a soft box, which shines to the side of cross(edge_u_mm, edge_v_mm)."""
     position_mm: Vector
+    """Its centre, mm."""
     edge_u_mm: Direction
+    """One edge, mm."""
     edge_v_mm: Direction
+    """The other, mm."""
     radiance: Rgb
+    """W/(sr m^2) on its one side."""
     samples: Annotated[int, Field(ge=1, le=4096)] | None = None
+    """Shadow rays a texel; by default as many as the tolerance needs."""
 
 
 class EnvironmentLight(_Light):
@@ -87,14 +107,23 @@ class EnvironmentLight(_Light):
     everywhere: ClassVar[bool] = True
 
     type: Literal["environment"]
+    """A sky: a constant radiance or an equirectangular picture."""
     path: str | None = None
+    """Picture, `.hdr` or `.exr`, twice as wide as high: its middle towards +z, u = 0.75 towards -x, its top row up."""
     color_space: str = "auto"
+    """As of a map."""
     layer: str | None = None
+    """Layer of an EXR."""
     clamp: Positive | None = None
+    """Limit of each channel of each texel, before `scale`."""
     radiance: Rgb | None = None
+    """Constant radiance, in place of a picture."""
     scale: NonNegative = 1.0
+    """Factor on the radiance."""
     rotate_deg: Annotated[float, Field(ge=-3600, le=3600)] = 0.0
+    """Turn about +y, degrees, +z towards +x."""
     samples: Annotated[int, Field(ge=1, le=4096)] | None = None
+    """Directions that are traced for its shadows; by default as many as the tolerance needs."""
 
     @model_validator(mode="after")
     def _one_source(self) -> EnvironmentLight:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from skinbake.scene.strict import Fraction, NonNegative, Positive, Rgb, Strict
+from skinbake.scene.strict import Also, Fraction, NonNegative, Positive, Rgb, Strict
 
 Eta = Annotated[float, Field(ge=1, le=3)]  # beyond 3 the published polynomial of F_dr runs off
 Cosine = Annotated[float, Field(ge=0, lt=1)]
@@ -18,8 +18,8 @@ def _one_for_all(value: Any) -> Any:
     return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-PositiveRgb = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_one_for_all)]
-SpreadRgb = Annotated[Rgb, BeforeValidator(_one_for_all)]  # one number stands for three equal ones
+PositiveRgb = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_one_for_all), Also("number")]
+SpreadRgb = Annotated[Rgb, BeforeValidator(_one_for_all), Also("number")]  # one number stands for three equal ones
 
 
 class FitSpec(Strict):
@@ -28,9 +28,13 @@ class FitSpec(Strict):
     """
 
     gaussians: Annotated[int, Field(ge=1, le=12)] | None = None
+    """How many Gaussians are fitted; 6 where nothing is said."""
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
-    signed: bool = False  # negative weights fit a little closer and ring at shadow edges
-    energy: Literal["exact", "free"] = "exact"  # free: the weights need not sum to the model's total
+    """Fit as few Gaussians as have this r-weighted relative error, at most 12."""
+    signed: bool = False
+    """Allow negative weights: a little closer, and rings at shadow edges."""
+    energy: Literal["exact", "free"] = "exact"
+    """`exact`: the weights add up to the model's total; `free`: they need not."""
 
     @model_validator(mode="before")
     @classmethod
@@ -45,18 +49,25 @@ class FitSpec(Strict):
 
 
 class _Skin(Strict):
-    normalise: Literal["white", "none"] = "white"  # white: colour comes from the albedo map alone
+    normalise: Literal["white", "none"] = "white"
+    """`white`: the weights add up to 1 and colour comes from the albedo alone; `none`: colour is that of the medium."""
     fit: FitSpec = FitSpec(gaussians=6)
+    """How Gaussians are fitted to the profile."""
 
 
 class LayerSpec(Strict):
     """One layer, coefficients in 1/mm. `g` makes no difference but in transport, which then uses sigma_sp / (1 - g)."""
 
     sigma_a_per_mm: SpreadRgb
+    """Absorption coefficient, 1/mm, one number or R, G, B."""
     sigma_sp_per_mm: SpreadRgb
+    """Reduced scattering coefficient, 1/mm, one number or R, G, B."""
     thickness_mm: Thickness = math.inf
+    """Thickness, mm; the last layer may be without end."""
     eta: Eta = 1.4
+    """Index of refraction over that of air."""
     g: Cosine = 0.0
+    """Mean cosine of scattering; counts in walks only, which then scatter by sigma_sp / (1 - g)."""
 
     @model_validator(mode="after")
     def _something_happens(self) -> LayerSpec:
@@ -67,6 +78,7 @@ class LayerSpec(Strict):
 
 class _Layered(_Skin):
     layers: Annotated[tuple[LayerSpec, ...], Field(min_length=1)]
+    """From the top down; coefficients beside `model` stand for one layer without end."""
 
     @model_validator(mode="before")
     @classmethod
@@ -93,8 +105,11 @@ class MultipoleSkin(_Layered):
     """Layers joined by adding, theory.md 3.7 [Donner2005]."""
 
     model: Literal["multipole"]
+    """Layers joined by adding [Donner2005]."""
     boundary: Literal["polynomial", "exact"] = "polynomial"
-    thin_layers: Literal["guarded", "ballistic", "continued"] = "guarded"  # layers thinner than their free path
+    """How much the surface reflects inwards: the published polynomial, or the integral."""
+    thin_layers: Literal["guarded", "ballistic", "continued"] = "guarded"
+    """What is done with layers thinner than their free path."""
 
 
 class TransportSkin(_Layered):
@@ -103,19 +118,28 @@ class TransportSkin(_Layered):
     """
 
     model: Literal["transport"]
-    photons: Annotated[int, Field(ge=1, le=10**11)] = 400_000  # a channel
+    """Layers by Monte Carlo [Wang1995]."""
+    photons: Annotated[int, Field(ge=1, le=10**11)] = 400_000
+    """A channel."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """Of the walks."""
 
 
 class DipoleSkin(_Skin):
     """A semi-infinite medium [Jensen2001]; `variant: better` is d'Eon's, multiple scattering only [dEon2012]."""
 
     model: Literal["dipole"]
+    """One medium without end [Jensen2001]."""
     sigma_a_per_mm: SpreadRgb
+    """Absorption coefficient, 1/mm, one number or R, G, B."""
     sigma_sp_per_mm: SpreadRgb
+    """Reduced scattering coefficient, 1/mm, one number or R, G, B."""
     eta: Eta = 1.3
+    """Index of refraction over that of air."""
     variant: Literal["classic", "better"] = "classic"
+    """`better` is d'Eon's, multiple scattering alone."""
     boundary: Literal["polynomial", "exact"] = "polynomial"
+    """How much the surface reflects inwards: the published polynomial, or the integral."""
 
     @model_validator(mode="after")
     def _something_happens(self) -> DipoleSkin:
@@ -127,10 +151,19 @@ class BurleySkin(_Skin):
     """Normalised diffusion [Burley2015]: `d_mm` outright, or `mean_free_path_mm` and `albedo_rgb` [Christensen2015]."""
 
     model: Literal["burley"]
+    """Normalised diffusion [Burley2015]."""
     d_mm: PositiveRgb | None = None
+    """Its length, mm, one number or R, G, B."""
     mean_free_path_mm: PositiveRgb | None = None
+    """In place of `d_mm`: mean free path, mm, with `albedo_rgb`."""
     mean_free_path: Literal["searchlight", "diffuse", "surface"] = "searchlight"
-    albedo_rgb: Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(_one_for_all)] = (1.0, 1.0, 1.0)
+    """Which free path that is: in the volume by a beam or by diffuse light, or along the surface."""
+    albedo_rgb: Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(_one_for_all), Also("number")] = (
+        1.0,
+        1.0,
+        1.0,
+    )
+    """Albedo of the surface that the shape is for."""
 
     @model_validator(mode="after")
     def _one_length(self) -> BurleySkin:
@@ -147,13 +180,21 @@ class PhysiologySkin(_Skin):
     """
 
     model: Literal["physiology"]
-    melanin: Annotated[float, Field(ge=0, le=0.5)]  # volume fraction in the epidermis
-    eumelanin: Fraction = 0.7  # brown share of the melanin, the rest is red pheomelanin
-    haemoglobin: Annotated[float, Field(ge=0, le=0.1)] = 0.005  # blood volume fraction in the dermis
+    """What skin is made of [Donner2006]."""
+    melanin: Annotated[float, Field(ge=0, le=0.5)]
+    """Volume fraction of melanin in the epidermis."""
+    eumelanin: Fraction = 0.7
+    """Brown share of the melanin; the rest is red."""
+    haemoglobin: Annotated[float, Field(ge=0, le=0.1)] = 0.005
+    """Volume fraction of blood in the dermis."""
     oxygenation: Fraction = 0.75
+    """Share of the haemoglobin that carries oxygen."""
     epidermis_mm: Annotated[float, Field(ge=0)] = 0.25
+    """Thickness of the epidermis, mm."""
     eta: Eta = 1.4
+    """Index of refraction over that of air."""
     boundary: Literal["polynomial", "exact"] = "polynomial"
+    """How much the surface reflects inwards: the published polynomial, or the integral."""
 
 
 # The key that gives a model away when `model` is not written
@@ -196,9 +237,13 @@ class GaussiansSkin(_Skin):
     """
 
     model: Literal["gaussians"]
+    """Gaussians as given."""
     variance_mm2: Annotated[tuple[NonNegative, ...], Field(min_length=1)]
+    """Variance of each, mm^2."""
     weight_rgb: Annotated[tuple[tuple[float, float, float], ...], Field(min_length=1)]
+    """Weight of each, R, G, B."""
     medium: MediumSpec | None = None
+    """What they are of, for terms that a profile does not tell: a model with coefficients, or a preset."""
 
     @model_validator(mode="after")
     def _one_row_each(self) -> GaussiansSkin:
@@ -212,8 +257,11 @@ class TableSkin(_Skin):
     """A measured or computed profile: CSV with a header r_mm, R, G, B; `medium` as in `GaussiansSkin`."""
 
     model: Literal["table"]
+    """A measured or computed profile."""
     path: str
+    """CSV with the header r_mm, R, G, B."""
     medium: MediumSpec | None = None
+    """What it is of, as of `gaussians`."""
 
 
 SkinSpec = Annotated[

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from skinbake.scene.frames import frame_numbers
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.skin import SkinSpec
-from skinbake.scene.strict import Fraction, NonNegative, Positive, Strict
+from skinbake.scene.strict import Also, Fraction, NonNegative, Positive, Strict
 
 AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
 # Key of the validation context: a function that gives, by name, whether a method knows sums that are not normalised
@@ -19,20 +19,30 @@ DIFFUSION_METHODS = "diffusion_methods"
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "dm": 100.0, "m": 1000.0, "inch": 25.4}
 
 
-Patterns = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
+Patterns = Annotated[
+    tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value), Also("string")
+]
 
 
 class MeshFileSpec(Strict):
     """A mesh file and how it lies in the scene, whose y is up and whose face looks along z."""
 
     path: str
+    """File: OBJ, PLY, glTF or GLB, STL, OFF, or USD with the extra `usd`."""
     unit: Literal["mm", "cm", "dm", "m", "inch", "file"] | None = None
+    """Unit of the file's lengths; `file` takes what the file says (glTF: metres). Either this or `mm_per_unit`."""
     mm_per_unit: Positive | None = None
-    up: Literal["y", "z"] | None = None  # which of the file's axes; by default what it says of itself, else y
-    front: Literal["z", "-z", "x", "-x"] = "z"  # along which the face looks once up is up
+    """Millimetres of one unit of the file."""
+    up: Literal["y", "z"] | None = None
+    """Axis of the file that points up; by default what the file says of itself, else y."""
+    front: Literal["z", "-z", "x", "-x"] = "z"
+    """Axis along which the face looks, once up is up."""
     flip_v: bool = False
-    uv_set: Annotated[int, Field(ge=0, le=63)] | None = None  # of a glTF; by default its material's
-    time: Annotated[float, Field(ge=-1e6, le=1e6)] | None = None  # of a USD stage; by default its earliest
+    """Whether v runs down in the file, as in textures of three.js."""
+    uv_set: Annotated[int, Field(ge=0, le=63)] | None = None
+    """Number of the glTF's UV set; by default that of its material."""
+    time: Annotated[float, Field(ge=-1e6, le=1e6)] | None = None
+    """Time of a USD stage; by default its earliest."""
 
     @model_validator(mode="after")
     def _one_unit(self) -> MeshFileSpec:
@@ -62,18 +72,25 @@ class MeshSpec(MeshFileSpec):
     each name of a part: its alpha, or grey, says what stops light; `file` is the alpha of a glTF's own materials.
     """
 
-    any_size: bool = False  # skips the scale gate, for test scenes that are not heads
+    any_size: bool = False
+    """Skip the check that the mesh is as large as a head: for test scenes."""
     skin: Patterns = ()
+    """Parts that are skin, by name or pattern with * and ?; without it everything that neither casts nor is ignored."""
     cast: Patterns = ()
+    """Parts that shadow the skin but are not baked: eyes, teeth, hair."""
     ignore: Patterns = ()
-    opacity: Annotated[dict[str, str], BeforeValidator(_picture_of_all)] = Field({}, max_length=256)
+    """Parts that are as if they were not there."""
+    opacity: Annotated[dict[str, str], BeforeValidator(_picture_of_all), Also("string")] = Field({}, max_length=256)
+    """Picture whose alpha, or grey, stops light, for all that casts or a part each; `file` is the glTF's own alpha."""
 
 
 class OccluderSpec(MeshFileSpec):
     """A file of things that shadow the skin: a hat, hair, glasses; those of its `parts` that match."""
 
     parts: Patterns = ("*",)
-    opacity: str | None = None  # picture whose alpha, or grey, says what stops light; `file` as of a mesh
+    """Parts of the file that shadow the skin, by name or pattern."""
+    opacity: str | None = None
+    """Picture whose alpha, or grey, stops light; `file` is the glTF's own alpha."""
 
 
 def _lower(value: Any) -> Any:
@@ -88,27 +105,34 @@ class FileMapSpec(Strict):
     """
 
     path: str
+    """Image file; `<UDIM>` or `<UVTILE>` in it stands for the number of a tile."""
     color_space: str = "auto"
+    """`auto`: what the file says, else sRGB for 8 and 16 bits, linear for floats; `srgb`, `linear`, a name of OCIO."""
     layer: str | None = None
+    """Layer of an EXR."""
 
 
 class MapSpec(FileMapSpec):
     """One texture map; `channel` is the one it is in, `invert` makes of x 1 - x."""
 
     channel: Annotated[Literal["r", "g", "b", "a"] | None, BeforeValidator(_lower)] = None
+    """Channel that the map is in, where a file packs several."""
     invert: bool = False
+    """Read 1 - x in place of x: gloss for roughness."""
 
 
 class RoughnessMapSpec(MapSpec):
     """Beckmann m, or with `kind: ggx` the roughness r that glTF and painters mean, alpha = r^2."""
 
     kind: Literal["beckmann", "ggx"] = "beckmann"
+    """`beckmann`: m; `ggx`: the roughness r of glTF and of painting programs, m = r^2."""
 
 
 class HeightMapSpec(MapSpec):
     """Heights of pores and wrinkles outwards, from 0 to `scale_mm`."""
 
     scale_mm: Annotated[float, Field(gt=-1000, lt=1000)]
+    """Height of white above black, outwards, in mm; negative for maps that are deep where they are white."""
 
 
 Encoding = Literal["auto", "unsigned", "signed"]
@@ -119,18 +143,26 @@ class NormalMapSpec(FileMapSpec):
     """Normal map with its conventions; `encoding` unsigned holds 0 ... 1 for -1 ... 1."""
 
     space: Literal["tangent", "object"] = "tangent"
+    """Tangent space of the UVs (MikkTSpace), or object space."""
     green: Green = "opengl"
+    """Whether green points along v (`opengl`) or against it (`directx`)."""
     encoding: Encoding = "auto"
+    """`unsigned` holds 0 ... 1 for -1 ... 1; `auto` decides by the kind of file."""
     strength: NonNegative = 1.0
+    """Factor on the slopes."""
 
 
 class DetailMapSpec(FileMapSpec):
     """Tangent-space normals of a patch of skin; `repeat` times over a tile, or so often along u and along v."""
 
-    repeat: tuple[Positive, Positive]
+    repeat: Annotated[tuple[Positive, Positive], Also("number")]
+    """How often the patch fits into a tile, or [along u, along v]."""
     green: Green = "opengl"
+    """As of a normal map."""
     encoding: Encoding = "auto"
+    """As of a normal map."""
     strength: NonNegative = 1.0
+    """Factor on the slopes."""
 
     @field_validator("repeat", mode="before")
     @classmethod
@@ -143,9 +175,9 @@ def _path_as_map(value: Any) -> Any:
     return {"path": value} if isinstance(value, str) else value
 
 
-Map = Annotated[MapSpec, BeforeValidator(_path_as_map)]
-NormalMap = Annotated[NormalMapSpec, BeforeValidator(_path_as_map)]
-RoughnessMap = Annotated[RoughnessMapSpec, BeforeValidator(_path_as_map)]
+Map = Annotated[MapSpec, BeforeValidator(_path_as_map), Also("string")]
+NormalMap = Annotated[NormalMapSpec, BeforeValidator(_path_as_map), Also("string")]
+RoughnessMap = Annotated[RoughnessMapSpec, BeforeValidator(_path_as_map), Also("string")]
 HeightMap = Annotated[HeightMapSpec, BeforeValidator(_path_as_map)]
 DetailMap = Annotated[DetailMapSpec, BeforeValidator(_path_as_map)]
 SKIN_RGB = (0.57, 0.34, 0.25)  # linear Rec.709, of light skin: sRGB 198 157 137
@@ -169,14 +201,23 @@ class MapsSpec(Strict):
     """
 
     source: Literal["file"] | None = None
+    """`file` takes base colour, normals and roughness of the glTF's materials where no map is given (`maps: file`)."""
     vertex_colors: bool = False
+    """Albedo from the colours of the vertices: linear in glTF, sRGB in PLY and OBJ."""
     albedo: Map | None = None
+    """Colour of the skin, as painted or photographed without light."""
     albedo_rgb: tuple[Fraction, Fraction, Fraction] | None = None
+    """Linear albedo where there is no map: by default light skin, and white where `skin.normalise` is `none`."""
     normal: NormalMap | None = None
+    """Normal map."""
     roughness: RoughnessMap | None = None
+    """Roughness of the oil, in place of `specular.roughness`."""
     specular: Map | None = None
+    """Factor on `specular.strength`."""
     height: HeightMap | None = None
+    """Heights of pores and wrinkles, which tilt the normals."""
     detail: DetailMap | None = None
+    """Normals of a small patch of pores that is repeated."""
 
     @model_validator(mode="after")
     def _one_albedo(self) -> MapsSpec:
@@ -204,17 +245,22 @@ def _switch(value: Any) -> Any:
     return {True: "on", False: "off"}.get(value, value) if isinstance(value, bool) else value
 
 
-Switch = Annotated[Literal["auto", "on", "off"], BeforeValidator(_switch)]
+Switch = Annotated[Literal["auto", "on", "off"], BeforeValidator(_switch), Also("boolean")]
 
 
 class TextureSpec(Strict):
     """The UV raster. `size` is an int or [width, height]."""
 
-    size: tuple[Size, Size] = (2048, 2048)
+    size: Annotated[tuple[Size, Size], Also("integer")] = (2048, 2048)
+    """Texels a side, or [width, height], of each tile."""
     gutter: Annotated[int, Field(ge=0, le=256)] = 8
+    """Texels that are filled beyond the border of each chart."""
     udim: bool = False
+    """Whether the UVs lie on several tiles, 1001 and on."""
     unwrap: Literal["none", "xatlas"] = "none"
-    reduce: Annotated[Literal["auto", "off"], BeforeValidator(_switch)] = "auto"
+    """`xatlas` makes a UV layout of its own; maps are read by the old one."""
+    reduce: Annotated[Literal["auto", "off"], BeforeValidator(_switch), Also("boolean")] = "auto"
+    """`auto` works at a half or a quarter of `size` where the tolerance is above 1 % and allows it; `off` never."""
 
     @model_validator(mode="after")
     def _one_tile_is_made(self) -> TextureSpec:
@@ -238,10 +284,15 @@ class DiffusionSpec(Strict):
     """
 
     method: str = AUTO
+    """How lobes are blurred; `auto` takes the cheapest for each lobe, as measured on this head."""
     tolerance: Positive = 0.01
+    """Root mean square error that the blur, and what is decided by `auto`, may have, as a share of the light."""
     separate: bool = True
+    """Keep apart what faces across air (lips, eyelids), so that neither lights the other through it."""
     normalise: bool = True
+    """Divide each sum by that of its weights: constant light stays constant. `false` is the classical integral."""
     probes: Annotated[int, Field(ge=0, le=1_000_000)] = 2000
+    """Places of the skin at which the blur is compared with the exact integral; 0 measures nothing."""
 
     @field_validator("method")
     @classmethod
@@ -266,7 +317,9 @@ class TexturingSpec(Strict):
     """Where the albedo is multiplied: before the blur, after it, or split (`mix`: share before)."""
 
     mode: Literal["pre-scatter", "post-scatter", "mix"] = "pre-scatter"
+    """Albedo before the blur (`pre-scatter`), after it (`post-scatter`), or split between them (`mix`)."""
     mix: Fraction = 0.5
+    """Exponent of the albedo before the blur, with `mode: mix`."""
 
     @property
     def exponent_before(self) -> float:
@@ -278,30 +331,45 @@ class SpecularSpec(Strict):
     """Oily layer: `roughness` is Beckmann m, `strength` rho_s (1/pi is the energy-true value)."""
 
     f0: Fraction = 0.028
+    """Reflectance of the oil at normal incidence."""
     roughness: Annotated[float, Field(ge=1e-4, le=1)] = 0.3
+    """Beckmann m, where there is no map."""
     strength: Annotated[float, Field(ge=0, le=1000)] = 0.318
+    """rho_s: factor on the reflection; 1 / pi is the value that keeps energy."""
 
 
 class TermsSpec(Strict):
     """Terms that only some scenes need. `bounces` of light from skin to skin, where `interreflection` is on."""
 
     energy_conservation: Switch = "auto"
+    """Light that the oil reflects does not enter the skin."""
     incidence: Switch = "auto"
+    """Light that enters at a slant comes back more than a profile says, which is that of a beam along the normal."""
     beam: Switch = "auto"
+    """Light that enters at a slant scatters first a free path further along."""
     interreflection: Switch = "auto"
+    """Skin lights skin: in nostrils, between lips, behind the ear."""
     bounces: Annotated[int, Field(ge=1, le=16)] = 1
+    """How often light goes from skin to skin."""
     transmission: Switch = "auto"
+    """Light through thin parts: ears, nostrils."""
 
 
 class OutputSpec(Strict):
     """Folder, format and content of what is written."""
 
     dir: Annotated[str, Field(min_length=1)]
+    """Folder that the bake is written to; one look, one folder."""
     precision: Literal["half", "float"] = "half"
+    """Floats of 16 or of 32 bits."""
     compression: Literal["none", "rle", "zips", "zip", "piz"] = "zip"
+    """Of the EXR files."""
     lights: Literal["separate", "total"] = "separate"
+    """Store each light on its own, so that it can be changed later, or all of them summed."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """Of everything that is drawn at random."""
     tx: bool = False
+    """Also write tiled, mip-mapped textures for renderers."""
 
     @property
     def separate_lights(self) -> bool:
@@ -319,9 +387,13 @@ class PreviewSpec(Strict):
     """Picture that a bake ends with; the verb `preview` can override it."""
 
     size: tuple[PictureSize, PictureSize] = (768, 960)
+    """Width and height in pixels."""
     view: View = "three-quarter"
+    """Where the camera stands."""
     exposure: Annotated[float, Field(ge=-STOPS, le=STOPS)] = 0.0
+    """Stops."""
     background_rgb: tuple[Shade, Shade, Shade] = (0.018, 0.019, 0.022)
+    """Linear colour behind the head."""
 
 
 class SceneSpec(Strict):
@@ -331,19 +403,33 @@ class SceneSpec(Strict):
     """
 
     mesh: MeshSpec
+    """The head."""
     occluders: tuple[OccluderSpec, ...] = ()
-    maps: Annotated[MapsSpec, BeforeValidator(_file_as_source)] = MapsSpec()
+    """Other files that shadow it: hat, hair, glasses."""
+    maps: Annotated[MapsSpec, BeforeValidator(_file_as_source), Also("string")] = MapsSpec()
+    """Its textures; `file` takes those of the mesh."""
     texture: TextureSpec = TextureSpec()
+    """The textures that are baked."""
     skin: SkinSpec
+    """How the skin scatters."""
     lights: Annotated[tuple[LightSpec, ...], Field(min_length=1, max_length=1024)]
+    """What lights it."""
     shadows: bool = True
+    """Whether lights cast shadows that do not say otherwise themselves."""
     diffusion: DiffusionSpec = DiffusionSpec()
+    """The blur and the error that it may have."""
     texturing: TexturingSpec = TexturingSpec()
+    """Where the albedo is multiplied."""
     specular: SpecularSpec = SpecularSpec()
+    """The oil on the skin."""
     terms: TermsSpec = TermsSpec()
+    """What only some scenes need: `auto` weighs each against the tolerance, light by light."""
     output: OutputSpec
+    """What is written, and where."""
     preview: PreviewSpec = PreviewSpec()
-    frames: Annotated[tuple[int, ...], BeforeValidator(frame_numbers)] | None = None
+    """The picture that a bake ends with."""
+    frames: Annotated[tuple[int, ...], BeforeValidator(frame_numbers), Also("string"), Also("integer")] | None = None
+    """Numbers of a sequence, 1-24 or a list; each stands for #### and %04d in paths."""
 
     @model_validator(mode="after")
     def _albedo(self) -> SceneSpec:

@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
+
+
+class Also:
+    """Says in the JSON schema that a key may be written shorter, as a validator before it understands.
+
+    Parameters
+    ----------
+    type : str
+        Of JSON: "string", "number", ...
+    """
+
+    def __init__(self, type: str) -> None:
+        self.type = type
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
+        return {"anyOf": [handler(core_schema), {"type": self.type}]}
 
 
 class Strict(BaseModel):
