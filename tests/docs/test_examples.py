@@ -31,7 +31,7 @@ import sys
 from skinbake.io.config import load_look
 from skinbake.profile import fit_skin
 look = load_look(sys.argv[1])
-print([light.type for light in look.lights], fit_skin(look.skin).gaussians.model, look.diffusion.method)
+print([light.type for light in look.lights], fit_skin(look.skin).gaussians.model, look.diffusion.method, look.terms)
 """
 
 
@@ -70,5 +70,5 @@ def test_an_example_applies_and_its_look_is_understood(name, tmp_path):
         )  # fmt: skip
         assert done.returncode in (0, 1), done.stderr  # 1: a tolerance was missed
         assert "Traceback" not in done.stderr
-    added = {"skin": "exponential", "lights": "fill", "diffusion": "mean"}[key]
+    added = {"skin": "exponential", "lights": "fill", "diffusion": "mean", "terms": "powder='on'"}[key]
     assert added in loaded.stdout
