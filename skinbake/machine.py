@@ -8,6 +8,9 @@ import resource
 import sys
 from contextlib import suppress
 
+from skinbake.errors import MachineError
+
+_LIMITS = {"v": (resource.RLIMIT_AS, "VmSize:"), "d": (resource.RLIMIT_DATA, "VmData:")}  # by ulimit's option
 _TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8  # of glibc's mallopt; a threshold of -1 is never reached
 
 
@@ -33,3 +36,40 @@ def reuse_freed() -> None:
 def physical_memory_bytes() -> int:
     """Memory that this machine has, bytes."""
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def require_memory(needed_bytes: int, what: str, data_share: float = 1.0) -> None:
+    """Stop before a library that cannot tell runs out of what this process may take: Embree, for one, would crash.
+
+    Parameters
+    ----------
+    needed_bytes : int
+        At least.
+    what : str
+        That needs it.
+    data_share : float
+        How much of it is data, for a limit on data alone: libraries are not.
+
+    Raises
+    ------
+    MachineError
+        A limit (`ulimit -v` or `-d`) leaves less.
+    """
+    for option, (limit, field) in _LIMITS.items():
+        most, _ = resource.getrlimit(limit)
+        if most == resource.RLIM_INFINITY:
+            continue
+        needed = needed_bytes * (data_share if option == "d" else 1)
+        left = max(most - _used_bytes(field), 0)
+        if left < needed:
+            raise MachineError(
+                f"{what} needs {needed / 2**20:.0f} MiB, and the limit of this process (ulimit -{option} "
+                f"{most // 2**10}) leaves {left / 2**20:.0f}: raise it"
+            )
+
+
+def _used_bytes(field: str) -> int:
+    """What this process has taken, of one kind; 0 where the system does not tell."""
+    with suppress(OSError, StopIteration, ValueError), open("/proc/self/status") as status:
+        return int(next(line for line in status if line.startswith(field)).split()[1]) * 2**10
+    return 0

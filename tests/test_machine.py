@@ -1,6 +1,7 @@
 """What a process takes of the machine."""
 
 import resource
+import subprocess
 import sys
 import threading
 
@@ -8,7 +9,11 @@ import numpy as np
 import pytest
 
 from skinbake.cli.measuring import in_child
-from skinbake.machine import reuse_freed
+from skinbake.errors import MachineError
+from skinbake.irradiance.occluder import Occluder
+from skinbake.machine import require_memory, reuse_freed
+from tests.conftest import ROOT
+from tests.shapes import quad
 
 
 def _faults(list_of_counts):
@@ -39,3 +44,31 @@ def test_freed_memory_serves_the_next_array_of_any_thread():
     assert max(later) < first / 4
     first, second, _ = in_child(counted, False)
     assert second > first / 2
+
+
+@pytest.mark.parametrize(("option", "limit"), [("v", resource.RLIMIT_AS), ("d", resource.RLIMIT_DATA)])
+def test_a_limit_that_leaves_too_little_is_told(monkeypatch, option, limit):
+    """By its option and its number, before a library that cannot tell crashes; where there is none, nothing is."""
+    require_memory(2**60, "all")
+    unlimited = resource.RLIM_INFINITY, resource.RLIM_INFINITY
+    monkeypatch.setattr(resource, "getrlimit", lambda of: (2**30, 2**30) if of == limit else unlimited)
+    told = rf"a bake needs 2048 MiB, .*\(ulimit -{option} 1048576\) leaves \d+: raise it"
+    with pytest.raises(MachineError, match=told):
+        require_memory(2**31, "a bake")
+    require_memory(2**10, "little")
+    mesh = quad()
+    monkeypatch.setattr(resource, "getrlimit", lambda of: (2**20, 2**20) if of == limit else unlimited)
+    with pytest.raises(MachineError, match="tracing of rays needs 256 MiB"):
+        Occluder(mesh)
+
+
+def test_a_verb_says_what_its_libraries_need():
+    """Rather than the traceback, or the hang, of one that finds no memory."""
+    command = [sys.executable, "-m", "skinbake", "bake", "configs/head.yaml"]
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_DATA, (150 * 2**20, 150 * 2**20))
+
+    done = subprocess.run(command, cwd=ROOT, preexec_fn=limit, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 3
+    assert done.stderr.startswith("skinbake: loading its libraries needs 350 MiB, and the limit of this process")

@@ -13,7 +13,7 @@ import click
 
 import skinbake
 from skinbake.errors import SkinbakeError, printable
-from skinbake.machine import reuse_freed
+from skinbake.machine import require_memory, reuse_freed
 
 VERBS = {
     "bake": "Bake a look: irradiance, diffusion, error, preview.",
@@ -32,6 +32,8 @@ VERBS = {
     "tradeoff": "Measure time and memory against error.",
     "truth": "Measure how far a bake is from light transport in the same skin.",
 }
+LIGHT = {"info", "init", "compare"}  # verbs that load little
+LOADED_BYTES, LOADED_DATA = 700 * 2**20, 0.5  # of the libraries that a bake loads, and their share of data
 
 
 class _Verbs(click.Group):
@@ -57,6 +59,8 @@ def group() -> None:
 
     Exit codes: 0 done, 1 a comparison differs or a tolerance was missed, 2 bad input, 3 the machine failed us.
     """
+    if click.get_current_context().invoked_subcommand not in LIGHT:
+        require_memory(LOADED_BYTES, "loading its libraries", LOADED_DATA)
 
 
 def run_verb(arguments: list[str] | None = None) -> int:
@@ -86,6 +90,12 @@ def run_verb(arguments: list[str] | None = None) -> int:
             "skinbake: out of memory; use a smaller texture.size (`skinbake check` tells what a bake needs)",
             file=sys.stderr,
         )
+        return 3
+    except ImportError as error:  # a library that is broken, or for which there is no memory
+        told = (
+            f"skinbake: a library cannot be loaded: {error}; is it installed, and is there memory for it (ulimit -v)?"
+        )
+        print(printable(told), file=sys.stderr)
         return 3
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -9,12 +9,15 @@ from skinbake.irradiance.cards import Cards
 from skinbake.irradiance.shadow_origin import facets_of
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.kernels.threads import for_slices
+from skinbake.machine import require_memory
 from skinbake.numerics import Float
 from skinbake.scene.casters import OPAQUE, Casters
 from skinbake.scene.mesh import SkinMesh
 
 SKIN = 0  # embree's number of the geometry that was added first
 BATCH = 65536  # rays; below this a second thread costs more than it brings
+
+RAYS_BYTES, RAYS_BYTES_A_FACE = 256 * 2**20, 1000  # of embree with its threads, and of what it builds
 
 Vectors = NDArray[np.float32]
 
@@ -30,9 +33,15 @@ class Occluder:
         All origins are given relative to it.
     spacing_mm : float
         Distance between neighbouring float32 coordinates at the outermost vertex.
+
+    Raises
+    ------
+    MachineError
+        This process may not take as much memory as that needs.
     """
 
     def __init__(self, mesh: SkinMesh) -> None:
+        require_memory(RAYS_BYTES + RAYS_BYTES_A_FACE * len(mesh.faces), "tracing of rays")
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
