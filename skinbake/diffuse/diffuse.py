@@ -14,7 +14,7 @@ from skinbake.diffuse.make_lobes import MadeLobes, make_lobes
 from skinbake.diffuse.memoize import Memoize, Memoizer
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.methods import LobePlan, method_asked_for
-from skinbake.diffuse.notices import advice, narrow_lobes, squeezed_skin
+from skinbake.diffuse.notices import advice, squeezed_skin
 from skinbake.diffuse.planning.auto import plan_auto
 from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
@@ -121,8 +121,6 @@ def diffuse(
 
     if spec.probes:
         decisions += squeezed_skin(geometry)
-    if not spec.normalise:
-        decisions += narrow_lobes(geometry, gaussians)
     met = made.error is None or made.error.rms <= spec.tolerance
     return DiffuseMap(
         lights=lights,

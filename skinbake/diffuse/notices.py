@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from skinbake.diffuse.diffuse_map import MeasuredError
 from skinbake.diffuse.draw_probes import squeezed_share
 from skinbake.diffuse.methods import RAISE_SIZE, method_asked_for
 from skinbake.diffuse.skin_geometry import SkinGeometry
-from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.decision import Decision
 from skinbake.scene.spec import DiffusionSpec
 
@@ -37,17 +34,3 @@ def squeezed_skin(geometry: SkinGeometry) -> list[Decision]:
     if share <= 0:
         return []
     return [Decision("squeezed skin", False, f"{share:.2%} of the skin has no texture to speak of: not judged")]
-
-
-def narrow_lobes(geometry: SkinGeometry, gaussians: GaussianSum) -> list[Decision]:
-    """Lobes narrower than a texel, which sums that are not normalised take for points of that texel's own weight."""
-    texel_mm = float(np.sqrt(geometry.mean_texel_mm2))
-    narrow = [i for i, v in enumerate(gaussians.variance_mm2) if 0 < v < 0.5 * texel_mm**2]
-    if not narrow:
-        return []
-    why = (
-        f"lobes {', '.join(map(str, narrow))} are narrower than a texel of {texel_mm:.2g} mm: where texels are oblong "
-        "they come out up to several times too bright, and the measured error does not show it; raise texture.size, or "
-        "set diffusion.normalise to true"
-    )
-    return [Decision("classical integral", False, why)]

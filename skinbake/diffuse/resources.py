@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Tiled, Tiles
 from skinbake.diffuse.on_demand import OnDemand
+from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.surface_space.clusters import bending
 from skinbake.diffuse.surface_space.gather import SumRule, cut_sigma
+from skinbake.diffuse.surface_space.oblong import oblong_gain
 from skinbake.diffuse.surface_space.sources import SourceTree, source_tree
 from skinbake.diffuse.surface_space.surface_light import LitTile, sums_texels, surface_light
 from skinbake.diffuse.surface_space.upsample import widest_gap
 from skinbake.diffuse.texture_space.blur import TexturePyramid, level_margin, level_size, texture_pyramids
 from skinbake.diffuse.texture_space.blur_error import BlurErrorPredictor
 from skinbake.diffuse.texture_space.uv_gaps import distance_to_foreign
+from skinbake.numerics import Float
 from skinbake.scene.spec import DiffusionSpec
 
 LARGE_SHARE = 0.5  # of the texels: sources that are more than this are not kept for later
@@ -109,6 +112,34 @@ class LobeResources:
         next_texel = np.sqrt(self.geometry.mean_texel_mm2) * 2 ** (level + 1)
         near = _WORTH * next_texel < widest_gap(self.spec.tolerance) * np.sqrt(variance_mm2)
         return bool(self.spec.normalise and height % 2 == 0 and width % 2 == 0 and near)
+
+    def gain_of_texels(self, variance_mm2: float, level: int) -> Tiles | None:
+        """What classical sums at the targets of a stored size are multiplied by, (h, w) a tile; None for no change."""
+        of_face = self._gain_of_faces(variance_mm2)
+        if of_face is None:
+            return None
+        # Where a raster is empty its face is -1, and nothing is summed
+        narrow = of_face.astype(np.float32)
+        return {raster.tile: narrow[raster.face_index] for raster in self.geometry.level_atlas(level)}
+
+    def gain_at_probes(self, variance_mm2: float, probes: Probes) -> Float:
+        """The same at probes, (P, 1); 1 where their texel shows no skin."""
+        gain = np.ones((len(probes), 1))
+        of_face = self._gain_of_faces(variance_mm2)
+        if of_face is None:
+            return gain
+        size = np.array(self.geometry.size)
+        texel = np.clip((probes.place * size).astype(np.int64), 0, size - 1)
+        for raster in self.geometry.atlas:
+            mine = np.flatnonzero(probes.tile == raster.tile)
+            face = raster.face_index[texel[mine, 0], texel[mine, 1]]
+            gain[mine, 0] = np.where(face >= 0, of_face[face], 1)
+        return gain
+
+    def _gain_of_faces(self, variance_mm2: float) -> Float | None:
+        if self.rule.normalise or not variance_mm2 > 0:
+            return None
+        return oblong_gain(self.geometry.mesh, self.geometry.size, variance_mm2)
 
     def least_sigma(self, level: int) -> Tiles:
         """Narrowest lobe, in mm, that may be interpolated at each texel of a level from the next smaller size."""

@@ -50,16 +50,6 @@ def test_a_missed_tolerance_is_said_with_the_knob_that_helps():
     assert "diffusion.method" in baked.advice
 
 
-def test_the_classical_integral_warns_where_texels_are_wider_than_lobes():
-    """And only there."""
-    named = {
-        size: [line.term for line in _bake(relief(), (size, size), method="surface", normalise=False).plan]
-        for size in (48, 1024)
-    }
-    assert "classical integral" in named[48]
-    assert "classical integral" not in named[1024]
-
-
 def test_surface_is_nearer_than_stretch_and_stretch_than_texture():
     """On a chart stretched three times on its flanks."""
     rms = {

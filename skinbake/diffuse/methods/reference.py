@@ -23,6 +23,7 @@ class Reference(DiffusionMethod):
 
     def map(self, resources: LobeResources, lobe: LobeParameters) -> Tiles:
         """The integral at every texel."""
+        gain = resources.gain_of_texels(lobe.variance_mm2, lobe.level)
         tiles = {}
         for tile, points in resources.geometry.targets(lobe.level).items():
             image = resources.unreached(tile, lobe.level)
@@ -30,6 +31,8 @@ class Reference(DiffusionMethod):
                 resources.texels.get(), points.position, points.normal, points.texel_mm2, lobe.variance_mm2,
                 resources.rule.separate, resources.rule.normalise,
             )  # fmt: skip
+            if gain is not None:
+                found *= gain[tile].reshape(-1)[points.flat_index, None]
             reached = np.flatnonzero(found.any(axis=1))
             values = found[reached].reshape(len(reached), resources.lights, 3).transpose(1, 0, 2)
             image.reshape(resources.lights, -1, 3)[:, points.flat_index[reached]] = values
@@ -46,10 +49,11 @@ class Reference(DiffusionMethod):
         """
         if lobe.variance_mm2 == 0:
             return light_at_probes(resources.source, probes)
-        return reference_integral(
+        found = reference_integral(
             resources.texels.get(), probes.position, probes.normal, probes.texel_mm2, lobe.variance_mm2,
             resources.rule.separate, resources.rule.normalise,
         )  # fmt: skip
+        return found * resources.gain_at_probes(lobe.variance_mm2, probes)
 
     def needs(self, resources: LobeResources, lobe: LobeParameters) -> frozenset[Resource]:
         """Every texel."""

@@ -45,6 +45,7 @@ class Surface(DiffusionMethod):
         sources = resources.sources(variance, lobe.spacing)
         halve = resources.interpolates(variance, level)
         coarse = self.map(resources, lobe._replace(level=level + 1)) if halve else None
+        gain = resources.gain_of_texels(variance, level)
         tiles = {}
         for tile, points in resources.geometry.targets(level).items():
             image = resources.unreached(tile, level)
@@ -53,6 +54,8 @@ class Surface(DiffusionMethod):
                 left = interpolate_smooth(coarse[tile], points.row, least_sigma, float(np.sqrt(variance)), image)
                 points = points._replace(row=left)
             gather(points, sources, variance, resources.rule, image.reshape(resources.lights, -1, 3))
+            if gain is not None:
+                image *= np.where(points.row >= 0, gain[tile], np.float32(1))[..., None]
             tiles[tile] = image
         return tiles
 
@@ -65,9 +68,10 @@ class Surface(DiffusionMethod):
             As in `DiffusionMethod`.
         """
         sources = resources.sources(lobe.variance_mm2, lobe.spacing)
-        return surface_sums(
+        sums = surface_sums(
             sources, probes.position, probes.normal, probes.texel_mm2, lobe.variance_mm2, resources.rule
         )
+        return sums * resources.gain_at_probes(lobe.variance_mm2, probes)
 
     def read_stored(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
         """From sums at the four texels around each probe only.
@@ -78,6 +82,7 @@ class Surface(DiffusionMethod):
             As in `DiffusionMethod`.
         """
         sources = resources.sources(lobe.variance_mm2, lobe.spacing)
+        gain = resources.gain_of_texels(lobe.variance_mm2, lobe.level)
         out = np.zeros((len(probes), 3 * resources.lights))
         for tile, points in resources.geometry.targets(lobe.level).items():
             mine = np.flatnonzero(probes.tile == tile)
@@ -91,6 +96,8 @@ class Surface(DiffusionMethod):
                 sources, points.position[summed], points.normal[summed], points.texel_mm2[summed],
                 lobe.variance_mm2, resources.rule,
             )  # fmt: skip
+            if gain is not None:
+                values[needed] *= gain[tile].reshape(-1)[flat.reshape(-1)[needed], None]
             out[mine] = np.einsum("pkc,pk->pc", values.reshape(*flat.shape, -1), weight)
         return out
 
