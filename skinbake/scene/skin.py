@@ -243,6 +243,7 @@ class GaussiansSkin(_Skin):
     weight_rgb: Annotated[tuple[tuple[float, float, float], ...], Field(min_length=1)]
     """Weight of each, R, G, B."""
     medium: MediumSpec | None = None
+    """What it is of, by its keys or a preset: for slanted light, and for light through thin parts."""
     """What they are of, for terms that a profile does not tell: a model with coefficients, or a preset."""
 
     @model_validator(mode="after")
@@ -261,6 +262,7 @@ class TableSkin(_Skin):
     path: str
     """CSV with the header r_mm, R, G, B."""
     medium: MediumSpec | None = None
+    """What it is of, by its keys or a preset: for slanted light, and for light through thin parts."""
     """What it is of, as of `gaussians`."""
 
 
