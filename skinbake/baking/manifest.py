@@ -11,7 +11,7 @@ from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.stage_log import StageLog
 from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name, stored_method
-from skinbake.io.manifest import portable_config
+from skinbake.io.manifest import portable_config, transport_digest
 from skinbake.machine import peak_memory_mib
 from skinbake.pipeline import Baked
 from skinbake.scene.decision import kept_of_any_light
@@ -20,7 +20,7 @@ from skinbake.scene.decision import kept_of_any_light
 def finish_manifest(results: FolderStore, manifest: dict[str, Any]) -> None:
     """Write bake.json. Its seconds and memory are those that it took to make what is in the folder, over several runs.
 
-    What `truth` measured of the same lobes stays.
+    What `truth` measured of the same look stays.
 
     A stage that was taken as it was keeps its seconds, and `total` is those and what else this run took; where nothing
     was left to do but reading, all seconds stay. The peak is the larger one, unless both light and lobes are new.
@@ -36,7 +36,7 @@ def finish_manifest(results: FolderStore, manifest: dict[str, Any]) -> None:
     if "irradiance" in reused or "diffuse" in reused:
         manifest["peak_memory_mib"] = max(manifest["peak_memory_mib"], results.before.get("peak_memory_mib", 0.0))
     model = (results.before.get("error") or {}).get("model")
-    if model and "diffuse" in reused:
+    if model and model["of"] == transport_digest(manifest):
         manifest["error"] = (manifest["error"] or {}) | {"model": model}
     results.finish(manifest)
 

@@ -27,7 +27,7 @@ from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.fingerprint import input_hashes
 from skinbake.io.manifest import NAME as MANIFEST
-from skinbake.io.manifest import read_manifest, write_manifest
+from skinbake.io.manifest import read_manifest, transport_digest, write_manifest
 from skinbake.io.scene_files import read_scene
 from skinbake.io.truth import read_walks, write_truth, write_walks
 from skinbake.irradiance.decide import decide
@@ -172,8 +172,9 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
     write_truth(folder, truth)
     model = _summary(_totals(baked, whole, noise), at, error)
     model["taken_off_rgb"] = {term: share["all"]["rms_rgb"] for term, share in split.items()}
+    model["of"] = transport_digest(read_manifest(folder))
     for bake in {folder, Path(spec.output.dir)}:
-        if (bake / MANIFEST).is_file():
+        if (bake / MANIFEST).is_file() and transport_digest(read_manifest(bake)) == model["of"]:
             _put_model(bake, model)
     return truth
 

@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from skinbake.io.atomic import write_text
 from skinbake.io.config import parse_scene
+from skinbake.io.digests import key_of
 from skinbake.io.record import Record, read_record
 from skinbake.scene.spec import OF_FILE, SceneSpec
 
@@ -35,6 +36,7 @@ class _Model(Record):
     rms: float
     stderr: float
     points: int
+    of: str = ""
 
 
 class _Error(Record):
@@ -98,6 +100,21 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
         The folder has none, or it is not ours.
     """
     return read_record(Path(folder) / NAME, _Manifest, f"a bake folder with {NAME} in it")
+
+
+_OF_TRANSPORT = ("mesh", "occluders", "texture", "skin", "lights", "shadows", "diffusion", "terms")
+
+
+def transport_digest(manifest: Mapping[str, Any]) -> str:
+    """What decides how far a bake is from light transport: mesh, medium, lights, blur, and the contents of their files.
+
+    Maps and colours count nothing, as `truth` compares without them, nor does where files lie.
+    """
+    config = {key: manifest["config"].get(key) for key in _OF_TRANSPORT}
+    config["skin"] = {key: value for key, value in config["skin"].items() if key != "normalise"}
+    roles = ("mesh", "skin", "light.", "occluder.")
+    inputs = [item for item in sorted(manifest["inputs"].items()) if item[0].startswith(roles)]
+    return key_of([_mapped(config, lambda path: ""), inputs])
 
 
 def portable_config(spec: SceneSpec, folder: Path) -> dict[str, Any]:

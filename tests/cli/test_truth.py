@@ -105,7 +105,7 @@ def test_an_open_mesh_is_refused_with_its_name(look, capsys):
 
 
 def test_the_model_s_error_stays_with_its_lobes(look, capsys):
-    """A bake that finds its lobes as they were says it again; one that blurs anew does not know it."""
+    """A bake of the same look says it again, whatever its stages did; one of another skin does not know it."""
     run(["truth", str(look), "--points", "2", "--walks", "16", "--quiet", "--no-terms"])
     measured = json.loads((look.parent / "out" / "bake.json").read_text())["error"]["model"]
     capsys.readouterr()
@@ -116,9 +116,22 @@ def test_the_model_s_error_stays_with_its_lobes(look, capsys):
     assert json.loads((look.parent / "out" / "bake.json").read_text())["error"]["model"] == measured
     assert run(["info", str(look.parent / "out")]) == 0
     assert f"model    rms {measured['rms']:.1%}" in capsys.readouterr().out
+    assert run(["bake", str(look), "--no-preview", "--force", "--set", "texturing.mode=post-scatter"]) == 0
+    assert json.loads((look.parent / "out" / "bake.json").read_text())["error"]["model"] == measured
     assert run(["bake", str(look), "--no-preview", "--set", "skin.eta=1.1", "--set", "diffusion.probes=0"]) == 0
     assert "not measured; skinbake truth LOOK does" in capsys.readouterr().err
     assert json.loads((look.parent / "out" / "bake.json").read_text())["error"] is None
+
+
+def test_a_bake_is_not_told_the_error_of_another_skin(look):
+    """A white skin is compared by its medium, beside the bake; one of another index leaves what the bake knows."""
+    small = ["--points", "2", "--walks", "16", "--quiet", "--no-terms", "--set", "skin.normalise=white"]
+    assert run(["bake", str(look), "--no-preview", "--quiet", "--set", "skin.normalise=white"]) == 0
+    manifest = look.parent / "out" / "bake.json"
+    run(["truth", str(look), *small, "--set", "skin.eta=1.2"])
+    assert "model" not in json.loads(manifest.read_text())["error"]
+    run(["truth", str(look), *small])
+    assert json.loads(manifest.read_text())["error"]["model"]["points"] == 2
 
 
 def test_a_bake_without_probes_has_the_model_s_error_alone(look, capsys):
