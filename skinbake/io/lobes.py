@@ -6,15 +6,18 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
 
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe, MeasuredError
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, channel_of, read_attributes, read_parts, rgb_channels, write_parts
 from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
+from skinbake.io.output_names import is_output
+from skinbake.io.record import Record
 from skinbake.stored_precision import as_stored
 
 TRANSMISSION = "transmission"  # in files, in the place of a method
@@ -33,6 +36,43 @@ def stored_method(lobe: Lobe) -> str:
 def is_transmission(made_by: str) -> bool:
     """Whether a lobe is light through thin parts, from what its file says of how it was made."""
     return made_by == TRANSMISSION
+
+
+class _ErrorRecord(Record):
+    """A `MeasuredError`; there is no relative error of no light."""
+
+    model_config = ConfigDict(allow_inf_nan=True)
+    rms: float
+    p95: float
+    max: float
+    probes: int
+    method: float
+    storage: float
+
+
+Rgb = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class _LobeRecord(Record):
+    """A `Lobe` without its pixels."""
+
+    file: str
+    variance_mm2: Annotated[float, Field(ge=0)]
+    weight_rgb: Rgb
+    method: str
+    error: _ErrorRecord | None
+    total_rgb: Rgb | None = None
+
+
+class _Summary(Record):
+    """What the first file's header holds of a `DiffuseMap`."""
+
+    lights: list[str]
+    lobes: Annotated[list[_LobeRecord], Field(min_length=1)]
+    error: _ErrorRecord | None
+    plan: list[dict[str, Any]]
+    tolerance_met: bool
+    advice: str
 
 
 @dataclass(frozen=True)
@@ -150,10 +190,12 @@ def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> 
 
 def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:
     """Result without pixels from the first file's header, checked against every file."""
-    summary = json.loads(header["skinbake:diffusion"])
+    summary = _Summary.model_validate(json.loads(header["skinbake:diffusion"])).model_dump()
     lobes = []
     for entry in summary["lobes"]:  # attributes of the files are float32, these figures are not rounded
         name, shapes = entry.pop("file"), {}
+        if not is_output(name):
+            return None
         for tile in tiles:
             header = _header(tile_path(folder / name, tile, udim))
             if header.get("skinbake:key") != key:

@@ -7,9 +7,11 @@ import json
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+import time
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
@@ -279,3 +281,65 @@ def test_bytes_are_the_same_whatever_the_number_of_threads(bakes):
         subprocess.run([*command, *more], cwd=ROOT, env=environment, check=True)
         left.append(contents(out))
     assert left[0] == left[1]
+
+
+BATCH = """\
+defaults: {base: look.yaml, output: {dir: looks}}
+jobs: [{name: one}, {name: two, lights.key.irradiance: [3, 2, 1]}, {name: three, diffusion.probes: 40}]
+"""
+
+
+@pytest.mark.slow  # two batches of two processes a kill
+def test_a_batch_killed_at_random_times_ends_in_the_same_bytes(bakes):
+    """The parent, one of its processes, or all of them: the clean rerun is as one left alone, and nobody stays."""
+    (bakes.folder / "looks.yaml").write_text(BATCH)
+    command = [sys.executable, "-m", "skinbake", "batch", str(bakes.folder / "looks.yaml"), "-j2", "--no-preview"]
+
+    def start(out):
+        more = ["--quiet", "--out", str(bakes.folder / out), "--cache", str(bakes.folder / f"cache of {out}")]
+        return subprocess.Popen([*command, *more], cwd=ROOT, start_new_session=True)
+
+    def left(out):
+        report = json.loads((bakes.folder / out / "batch.json").read_text())
+        assert [job["status"] in ("done", "fresh") for job in report["jobs"]] == [True] * 3, report
+        assert not list((bakes.folder / out).rglob("*.part*"))
+        return {name: contents(bakes.folder / out / name) for name in ("one", "two", "three")}
+
+    begun = time.monotonic()
+    assert start("alone").wait(120) == 0
+    seconds, want = time.monotonic() - begun, left("alone")
+    rng, killed = random.Random(7), 0
+    while killed < (KILLS if KILLS > 8 else 1):
+        if rng.random() < 0.6:
+            shutil.rmtree(bakes.folder / "looks", ignore_errors=True)
+            shutil.rmtree(bakes.folder / "cache of looks", ignore_errors=True)
+        process = start("looks")
+        time.sleep(rng.uniform(0.3, 1.0) * seconds)
+        if process.poll() is not None:
+            continue
+        who = rng.choice(["parent", "all", "child"])
+        family = [pid for pid in map(int, filter(str.isdigit, os.listdir("/proc"))) if session_of(pid) == process.pid]
+        for pid in {"parent": [process.pid], "all": family, "child": family[-1:]}[who]:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        code = process.wait(120)
+        assert code == (0 if who == "child" and family[-1] != process.pid else -signal.SIGKILL), who
+        killed += 1
+        for folder in (bakes.folder / "looks").glob("*/"):
+            check_whole(folder)
+        assert start("looks").wait(120) == 0
+        assert left("looks") == want, f"after kill {killed}, of {who}"
+        deadline = time.monotonic() + 10
+        while any(session_of(int(pid)) == process.pid for pid in os.listdir("/proc") if pid.isdigit()):
+            assert time.monotonic() < deadline, f"processes stay after a kill of {who}"
+            time.sleep(0.05)
+
+
+def session_of(pid):
+    """Session of a process that lives."""
+    try:
+        with open(f"/proc/{pid}/stat") as status:
+            fields = status.read().rpartition(")")[2].split()
+        return None if fields[0] in "ZX" else int(fields[3])
+    except OSError:
+        return None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -259,6 +260,140 @@ def _baked_files() -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+# State of our own ----------------------------------------------------------------------------------------------------
+
+
+@cache
+def report_seeds() -> Seeds:
+    job = {
+        "name": "one",
+        "folder": "one",
+        "choices": {"size": "small"},
+        "selected": True,
+        "status": "done",
+    }
+    jobs = [
+        job | {"note": "rms 1 %"},
+        job | {"name": "two", "status": "failed", "error": "no such mesh"},
+        job | {"status": "not run"},
+    ]
+    report = {"version": "0.1.0", "file": "looks.yaml", "seconds": 1.5, "workers": 2, "dask": None, "jobs": jobs}
+    return ((".json", json.dumps(report | {"cache": {"hits": 1, "misses": 2}}).encode()),)
+
+
+def read_report(path: Path) -> None:
+    """As `info` tells it and as the next batch takes it up."""
+    from skinbake.cli.info import _batch
+    from skinbake.io.batch_report import read_batch_report
+
+    path.rename(path.with_name("batch.json"))
+    report = read_batch_report(path.parent)
+    assert "\n".join(_batch(report))
+    assert all(isinstance(job["name"], str) for job in report["jobs"])
+
+
+@cache
+def profile_seeds() -> Seeds:
+    rgb = [0.1, 0.2, 0.3]
+    record = {"variance_mm2": [0.1, 2.0], "weight_rgb": [rgb, rgb], "relative_error_rgb": rgb, "energy_rgb": rgb}
+    return ((".json", json.dumps(record | {"model": "table", "normalise": "white", "key": "a"}).encode()),)
+
+
+def read_profile(path: Path) -> None:
+    """A fit that is taken up has numbers; another is made anew."""
+    from skinbake.io.profile import read_gaussians
+
+    found = read_gaussians(path, "a")
+    if found is None:
+        return
+    assert found.variance_mm2.dtype == found.weight_rgb.dtype == np.float64
+    assert found.weight_rgb.shape == (len(found.variance_mm2), 3)
+    assert np.isfinite(found.relative_error_rgb).all()
+    assert isinstance(found.model + found.normalise, str)
+
+
+@cache
+def lobe_seeds() -> Seeds:
+    """What the header of the first lobe says of all."""
+    from skinbake.diffuse import MeasuredError
+    from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
+    from skinbake.io.exr import read_attributes
+    from skinbake.io.lobes import as_stored_lobes, write_lobes
+    from skinbake.scene.decision import Decision
+
+    image = np.ones((1, 4, 8, 3), np.float32)
+    error = MeasuredError(0.01, 0.02, 0.1, 9, 0.01, 0.0)
+    lobes = tuple(
+        Lobe(variance, (0.5, 0.5, 0.5), method, {1001: image}, error)
+        for variance, method in ((0.1, "texture"), (2.0, "surface"))
+    )
+    made = DiffuseMap(("key",), lobes, error, (Decision("shadows", True, "asked for"),))
+    with TemporaryDirectory() as name:
+        write_lobes(Path(name), as_stored_lobes(made, "half"), "a", {}, "half", "zip", True, False)
+        header = read_attributes(Path(name) / "lobe_0.exr")["irradiance"]
+    return ((".json", str(header["skinbake:diffusion"]).encode()),)
+
+
+def read_lobe_header(path: Path) -> None:
+    """A summary that is taken up can be told; another is made anew."""
+    from skinbake.io.exr import Part, rgb_channels, write_parts
+    from skinbake.io.lobes import read_summary
+
+    image = np.ones((4, 8, 3), np.float32)
+    text = path.read_bytes().decode("latin-1").replace("\0", " ")
+    for index in range(2):
+        about = {"skinbake:key": "a"} | ({"skinbake:diffusion": text} if not index else {})
+        write_parts(path.with_name(f"lobe_{index}.exr"), [Part("irradiance", rgb_channels(image))], about)
+    found = read_summary(path.parent, "a", (1001,), False)
+    if found is None:
+        return
+    assert all(isinstance(name, str) for name in found.lights)
+    assert all(len(lobe.weight_rgb) == 3 and float(lobe.variance_mm2) >= 0 for lobe in found.lobes)
+    for line in found.plan:
+        assert f"{'+' if line.enabled else '-'} {line.term:<20} {line.why}"
+    for error in filter(None, [found.error, *(lobe.error for lobe in found.lobes)]):
+        assert (
+            f"{error.rms:.3%} {error.p95:.3%} {error.max:.3%} {error.method:.3%} {error.storage:.3%} {error.probes:d}"
+        )
+    assert isinstance(found.tolerance_met, bool)
+    assert isinstance(found.advice, str)
+
+
+CACHE_KEY = "ab" + "0" * 62
+
+
+@cache
+def cache_seeds() -> Seeds:
+    from skinbake.io.cache import Cache
+
+    with TemporaryDirectory() as name:
+        found = []
+        for arrays in (
+            {"a": np.arange(6.0).reshape(2, 3)},
+            {"rgb": np.ones((4, 4, 3), np.float32), "plan": np.zeros(9, np.uint8)},
+        ):
+            cache = Cache(Path(name))
+            cache.write(CACHE_KEY, arrays)
+            found.append((".npz", cache.path_of(CACHE_KEY).read_bytes()))
+    return tuple(found)
+
+
+def read_cache_entry(path: Path) -> None:
+    """An entry is what was written under its key, or it is missing and removed."""
+    from skinbake.io.cache import Cache
+
+    cache = Cache(path.parent / "cache")
+    entry = cache.path_of(CACHE_KEY)
+    entry.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(path, entry)
+    found = cache.read(CACHE_KEY)
+    if found is None:
+        assert not entry.exists()
+        return
+    told = {name: (array.shape, array.dtype) for name, array in found.items()}
+    assert told in ({"a": ((2, 3), np.float64)}, {"rgb": ((4, 4, 3), np.float32), "plan": ((9,), np.uint8)})
+
+
 # Meshes --------------------------------------------------------------------------------------------------------------
 
 
@@ -495,5 +630,9 @@ TARGETS = {
     "gltf": Target(lambda: mesh_seeds(".gltf"), damage_json, read_any_mesh),
     "exr": Target(exr_seeds, damage_binary, read_exr),
     "image": Target(image_seeds, damage_binary, read_image),
+    "report": Target(report_seeds, damage_json, read_report),
+    "profile": Target(profile_seeds, damage_json, read_profile),
+    "lobe": Target(lobe_seeds, damage_json, read_lobe_header),
+    "cache": Target(cache_seeds, damage_binary, read_cache_entry),
     "table": Target(table_seeds, damage_table, read_table),
 }
