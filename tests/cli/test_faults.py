@@ -245,8 +245,8 @@ def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
     assert look.digests["mesh"]
     read = inputs.read_scene
 
-    def read_and_touch(spec):
-        scene = read(spec)
+    def read_and_touch(spec, **how):
+        scene = read(spec, **how)
         with open(bakes.folder / "mesh.obj", "a") as file:
             file.write("# edited\n")
         return scene

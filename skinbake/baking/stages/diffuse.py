@@ -88,7 +88,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()  # what is moved has their share
             beam = (terms.beam, medium.identity, medium.why, lobes)
         if terms.interreflection != "off":
-            oil = inputs.decisions.energy_conservation.enabled, spec.specular.model_dump(mode="json")
+            oil = spec.specular.model_dump(mode="json") if inputs.decisions.energy_conservation.enabled else None
             interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))
         return [incidence, beam, interreflection]
 
