@@ -67,11 +67,14 @@ def first_look(path: Path, look: Path) -> str:
         The mesh is missing or unusable.
     """
     raw = read_raw(path)
+    stands = raw.up == "z"  # by what the file says, which a look need not repeat
+    if stands:
+        raw = replace(placed(path, raw, 1.0), mm_per_unit=raw.mm_per_unit, up=None)
     chosen, mesh = _choose(path, raw)
     unit, mm_per_unit, any_size = _unit(raw, mesh)
     mesh = replace(mesh, positions_mm=mesh.positions_mm * mm_per_unit)
     seen = guess_orientation(mesh)
-    up = "z" if seen.crown == "+z" else None
+    up = "z" if seen.crown == "+z" and not stands else None
     if up:
         turned = placed(path, raw, mm_per_unit, up)
         parts = [part for part, label in enumerate(raw.labels) if label in chosen.skin]

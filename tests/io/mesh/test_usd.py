@@ -7,9 +7,10 @@ import pytest
 
 from skinbake.errors import InputError
 from skinbake.io.config import load_look
-from skinbake.io.mesh import mesh_files, read_mesh
+from skinbake.io.first_look import first_look
+from skinbake.io.mesh import mesh_files, read_look_mesh, read_mesh
 from skinbake.io.mesh.raw_file import read_raw
-from tests.shapes import quad
+from tests.shapes import quad, sphere
 
 pytest.importorskip("pxr", reason="usd-core is not installed: pip install 'skinbake[usd]'")
 
@@ -126,6 +127,28 @@ def test_time_samples(tmp_path):
         "lights: [{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]\n"
     )
     assert load_look(tmp_path / "look.yaml", ["frames=2"]).mesh.time == 2.0
+
+
+def test_a_first_look_of_a_stage(tmp_path):
+    """Its unit and its axis are the file's own; lights stand about the head as it is placed."""
+    ball = sphere(12.0, "latlong", 12)
+    points = ball.positions_mm[:, [0, 2, 1]] * [1, -1, 1] + [0, 0, 100]  # upright where z is up, a metre high
+    index = ball.faces.ravel()
+    uv = ball.corner_uv.reshape(-1, 2)
+    text = f"""def Mesh "Head" {{
+    int[] faceVertexCounts = {[3] * len(ball.faces)}
+    int[] faceVertexIndices = {index.tolist()}
+    point3f[] points = {[tuple(p) for p in points.tolist()]}
+    uniform token subdivisionScheme = "none"
+    texCoord2f[] primvars:st = {[tuple(p) for p in uv.tolist()]} ( interpolation = "faceVarying" )
+}}"""
+    look = first_look(stage(tmp_path, text, up="Z"), tmp_path / "me.yaml")
+    assert "mesh: {path: head.usda, unit: file}" in look
+    (tmp_path / "me.yaml").write_text(look)
+    spec = load_look(tmp_path / "me.yaml")
+    found = read_look_mesh(spec)
+    np.testing.assert_allclose(found.positions_mm.mean(axis=0), [0, 1000, 0], atol=10)
+    assert spec.lights[0].position_mm[1] > 1100
 
 
 def test_what_is_not_drawn_and_layers_elsewhere(tmp_path):
