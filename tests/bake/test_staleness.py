@@ -45,6 +45,8 @@ NO_BYTES = {
     "lights[environment].path": "as mesh.path",
     "output.dir": "where it is written",
     "mesh.any_size": "whether a look is refused",
+    "mesh.time": "only a USD stage has one: tests/io/mesh/test_usd.py changes it",
+    "occluders.time": "as mesh.time",
     "frames": "a look of many frames is baked as many looks of one",
     "skin[gaussians].model": "the other models are bases of their own",
     "skin[multipole].model": "as skin[gaussians].model",

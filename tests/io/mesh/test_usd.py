@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skinbake.baking.inputs import BakeInputs
+from skinbake.baking.inputs_roles import OCCLUDERS
+from skinbake.baking.session import BakeSession
+from skinbake.baking.stage_log import StageLog
 from skinbake.errors import InputError
 from skinbake.io.config import load_look
 from skinbake.io.first_look import first_look
@@ -126,7 +130,12 @@ def test_time_samples(tmp_path):
         "skin: {preset: gpugems3-six-gaussians}\noutput: {dir: out}\n"
         "lights: [{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]\n"
     )
-    assert load_look(tmp_path / "look.yaml", ["frames=2"]).mesh.time == 2.0
+    looks = [load_look(tmp_path / "look.yaml", [f"frames={number}"]) for number in (2, 3)]
+    assert [look.mesh.time for look in looks] == [2.0, 3.0]
+    hats = [f"occluders=[{{path: {path}, unit: file, time: {time}}}]" for time in (1, 2)]
+    looks += [load_look(tmp_path / "look.yaml", ["frames=2", hat]) for hat in hats]
+    inputs = [BakeInputs(look, BakeSession(), StageLog()) for look in looks]
+    assert len({each.key("mesh", OCCLUDERS) for each in inputs}) == 4
 
 
 def test_a_first_look_of_a_stage(tmp_path):
