@@ -32,13 +32,13 @@ from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
 from skinbake.irradiance.scene_data import SceneData
-from skinbake.irradiance.slant import Slant, apply_slant, decide_incidence, slant_of
+from skinbake.irradiance.slant import SkySlant, Slant, apply_slant, decide_incidence, slant_of, slant_of_sky
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
-from skinbake.scene.lights import LightSpec
+from skinbake.scene.lights import EnvironmentLight, LightSpec
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
@@ -100,22 +100,29 @@ def light_entering(
     """
     slant = slant_of(incidence, _reference(spec, gaussians, medium, incidence)) if incidence else None
     names = irradiance[0].lights
-    slanted, plan = _decide_incidence(spec, slant, medium.why)
+    skies = {}
+    if slant and spec.terms.incidence != "off":
+        skies = {
+            of.name: slant_of_sky(slant, scene.environments[of.name], of.rotate_deg)
+            for of in spec.lights
+            if isinstance(of, EnvironmentLight) and of.name in scene.environments
+        }
+    slanted, plan = _decide_incidence(spec, slant, skies, medium.why)
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     exponent = np.float32(spec.texturing.exponent_before)
     shifts, shifted, lines = _decide_beam(spec, scene, atlas, irradiance, gaussians, medium)
     plan += lines
     light, further = {}, {}
-    lamps = any(not of.everywhere for of in spec.lights if of.name in slanted)
+    turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
     for k, (raster, tile) in enumerate(zip(atlas, irradiance, strict=True)):
-        normal = shading_normals(raster, scene.mesh, scene.maps)[1] if lamps else np.zeros((1, 1, 3), np.float32)
+        normal = shading_normals(raster, scene.mesh, scene.maps)[1] if turned else np.zeros((1, 1, 3), np.float32)
         out = np.zeros((len(names) if decisions.separate_lights else 1, *raster.shape, 3), np.float32)
         moved = np.zeros_like(out) if shifted else None
         for i, name in enumerate(names):
             image = tile.rgb[i].astype(np.float32)
             if name in slanted:
                 assert slant is not None
-                apply_slant(raster, normal, scene.occluder, _named(spec, name), slant, image)
+                apply_slant(raster, normal, scene.occluder, _named(spec, name), slant, skies.get(name), image)
             # Blurring is linear: what is stored summed is blurred summed
             place = i if decisions.separate_lights else 0
             out[place] += image
@@ -212,12 +219,16 @@ def _total(gaussians: GaussianSum) -> Image:
     return gaussians.weight_rgb.sum(axis=0).astype(np.float32)
 
 
-def _decide_incidence(spec: SceneSpec, slant: Slant | None, why_not: str) -> tuple[set[str], list[Decision]]:
+def _decide_incidence(
+    spec: SceneSpec, slant: Slant | None, skies: dict[str, SkySlant], why_not: str
+) -> tuple[set[str], list[Decision]]:
     """Names of the lights whose light is multiplied by the factors, and the plan's lines."""
     switch = spec.terms.incidence
     if switch == "off" or slant is None:
         return set(), [Decision("incidence", False, "off" if switch == "off" else f"{switch}: {why_not}")]
-    lines = [decide_incidence(light, slant, switch, spec.diffusion.tolerance) for light in spec.lights]
+    lines = [
+        decide_incidence(light, slant, skies.get(light.name), switch, spec.diffusion.tolerance) for light in spec.lights
+    ]
     return {of.name for of, line in zip(spec.lights, lines, strict=True) if line.enabled}, lines
 
 

@@ -133,14 +133,18 @@ def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Floa
 
 def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
     """Unshadowed irradiance of every normal as an octahedral map, shape (NORMALS + 1, NORMALS + 1, 3)."""
-    axis = np.linspace(-1, 1, NORMALS + 1)
+    out = cosine_irradiance(radiance, rotate_deg, octahedral_normals(NORMALS))
+    return out.astype(np.float32).reshape(NORMALS + 1, NORMALS + 1, 3)
+
+
+def octahedral_normals(cells: int) -> Float:
+    """Unit normals at the nodes of an octahedral map that `look_up` reads, shape ((cells + 1)^2, 3)."""
+    axis = np.linspace(-1, 1, cells + 1)
     x, y = np.meshgrid(axis, axis)
     z = 1 - np.abs(x) - np.abs(y)
     fold = np.maximum(-z, 0)
     normal = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1).reshape(-1, 3)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    out = cosine_irradiance(radiance, rotate_deg, normal)
-    return out.astype(np.float32).reshape(NORMALS + 1, NORMALS + 1, 3)
+    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
 class _DirectionIntegrals(NamedTuple):
@@ -233,7 +237,7 @@ def look_up(first: int, stop: int, table: Image, normal: Image, addressed: NDArr
     ----------
     first, stop : int
         Rows.
-    table : ndarray of shape (NORMALS + 1, NORMALS + 1, 3)
+    table : ndarray of shape (n + 1, n + 1, 3)
     normal : ndarray of shape (H, W, 3)
         Unit.
     addressed : ndarray of shape (H, W)

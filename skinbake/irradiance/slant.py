@@ -7,14 +7,16 @@ reference that the profile's total stands for (theory.md 9.5).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas.raster import NO_FACE, AtlasRaster
+from skinbake.irradiance.environment_map import SkySamples, look_up, octahedral_normals
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.punctual_light import DIRECTIONAL, POINT, emitter, towards
-from skinbake.irradiance.shadow_origin import SurfaceTexels, point_of
+from skinbake.irradiance.shadow_origin import point_of
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
@@ -23,6 +25,7 @@ from skinbake.scene.decision import Decision
 from skinbake.scene.lights import LightSpec, RectangleLight
 
 Image = NDArray[np.float32]
+CELLS, DIRECTIONS = 24, 2048  # of a sky's table of factors, and of the sky
 
 
 @dataclass(frozen=True)
@@ -46,14 +49,58 @@ def slant_of(incidence: Incidence, reference_rgb: Float) -> Slant:
     return Slant(safe_div(incidence.reflectance_rgb, reference_rgb), safe_div(incidence.diffuse_rgb, reference_rgb))
 
 
-def slant_rms(slant: Slant, light: LightSpec) -> float:
+@dataclass(frozen=True)
+class SkySlant:
+    """Factors for a sky that is not the same everywhere.
+
+    Attributes
+    ----------
+    factor_rgb : ndarray of shape (n + 1, n + 1, 3), float32
+        By normal, an octahedral map.
+    rms : float
+        Error of leaving them out, relative to the sky's irradiance over all normals.
+    """
+
+    factor_rgb: Image
+    rms: float
+
+
+def slant_of_sky(slant: Slant, radiance: Image, rotate_deg: float) -> SkySlant:
+    """Mean factor of the directions from which a radiance map lights each normal, unshadowed.
+
+    Parameters
+    ----------
+    slant : Slant
+    radiance : ndarray of shape (h, w, 3)
+        Equirectangular map, row 0 at the top.
+    rotate_deg : float
+    """
+    directions, flux = SkySamples(radiance, rotate_deg).draw(DIRECTIONS)
+    cosine = np.maximum(octahedral_normals(CELLS) @ directions.astype(np.float64).T, 0)
+    nodes = np.linspace(0, 1, len(slant.factor_rgb))
+    factor, lit = np.empty((len(cosine), 3)), np.empty((len(cosine), 3))
+    for c in range(3):
+        weight = cosine * flux[:, c].astype(np.float64)
+        lit[:, c] = weight.sum(axis=1)
+        slanted = (weight * np.interp(cosine, nodes, slant.factor_rgb[:, c])).sum(axis=1)
+        factor[:, c] = np.where(lit[:, c] > 0, safe_div(slanted, lit[:, c]), slant.diffuse_rgb[c])
+    whole = float((lit**2).sum())
+    rms = float(np.sqrt(((lit * (factor - 1)) ** 2).sum() / whole)) if whole > 0 else 0.0
+    return SkySlant(factor.reshape(CELLS + 1, CELLS + 1, 3).astype(np.float32), rms)
+
+
+def slant_rms(slant: Slant, light: LightSpec, sky: SkySlant | None = None) -> float:
     """Error of leaving the factors out, relative rms: of a lamp over skin that is turned every way, of a sky its mean.
 
     Parameters
     ----------
     slant : Slant
     light : LightSpec
+    sky : SkySlant, optional
+        Of a light that has a map.
     """
+    if sky is not None:
+        return sky.rms
     if light.everywhere:
         return float(np.sqrt(((slant.diffuse_rgb - 1) ** 2).mean()))
     cosine = np.linspace(0, 1, len(slant.factor_rgb))[:, None]
@@ -62,29 +109,37 @@ def slant_rms(slant: Slant, light: LightSpec) -> float:
     return float(np.sqrt((error**2).mean()))
 
 
-def decide_incidence(light: LightSpec, slant: Slant, switch: str, tolerance: float) -> Decision:
+def decide_incidence(light: LightSpec, slant: Slant, sky: SkySlant | None, switch: str, tolerance: float) -> Decision:
     """Whether the factors of the slant are worth it for a light.
 
     Parameters
     ----------
     light : LightSpec
     slant : Slant
+    sky : SkySlant, optional
+        Of a light that has a map.
     switch : "auto" or "on"
     tolerance : float
     """
-    rms = slant_rms(slant, light)
+    rms = slant_rms(slant, light, sky)
     which = "from everywhere" if light.everywhere else "at a slant"
     why = f"{switch}: light {which} comes back otherwise by {rms:.2%} (rms), tolerance {tolerance:.2%}"
     return Decision(f"{light.name}.incidence", switch == "on" or rms > tolerance, why)
 
 
 def apply_slant(
-    raster: AtlasRaster, normal: Image, occluder: Occluder, light: LightSpec, slant: Slant, out: Image
+    raster: AtlasRaster,
+    normal: Image,
+    occluder: Occluder,
+    light: LightSpec,
+    slant: Slant,
+    sky: SkySlant | None,
+    out: Image,
 ) -> None:
     """Multiply one light's irradiance by the factors of the slants at which it enters.
 
-    Exact for directional, point and spot lights; of a rectangle the direction of its middle counts, and a sky comes
-    from everywhere.
+    Exact for directional, point and spot lights; of a rectangle the middles of its quarters count, and of a sky the
+    directions that light a normal, as if all of them were open.
 
     Parameters
     ----------
@@ -94,51 +149,89 @@ def apply_slant(
     occluder : Occluder
     light : LightSpec
     slant : Slant
+    sky : SkySlant, optional
+        Of a light that has a map; without it a sky's light comes from everywhere.
     out : ndarray of shape (H, W, 3), float32, changed in place
     """
+    if sky is not None:
+        factor = np.ones_like(out)
+        parallel_for(look_up, len(out), sky.factor_rgb, normal, raster.addressed, factor)
+        out *= factor
+        return
     if light.everywhere:
         out *= slant.diffuse_rgb.astype(np.float32)
         return
-    if isinstance(light, RectangleLight):
-        source = np.array([POINT, *(light.position_mm - occluder.centre_mm), 0, 0, 0, -2, -3, 0], np.float64)
-    else:
-        source = emitter(light, occluder.centre_mm)
-    texels = SurfaceTexels(*raster.shown, normal, normal)
-    factor_rgb = np.ascontiguousarray(slant.factor_rgb)
-    parallel_for(_multiply, len(out), source, texels, occluder.subdivided, factor_rgb, out)
+    parallel_for(
+        _multiply, len(out),
+        _Slanted(_sources(light, occluder.centre_mm), normal, np.ascontiguousarray(slant.factor_rgb)),
+        raster.face_index, raster.barycentric, occluder.subdivided, out,
+    )  # fmt: skip
+
+
+def _sources(light: LightSpec, centre_mm: Float) -> Float:
+    """A lamp as `emitter` makes it, (1, 10); a rectangle as four points of one brightness, (4, 10)."""
+    if not isinstance(light, RectangleLight):
+        return emitter(light, centre_mm)[None]
+    u, v = (np.asarray(edge, np.float64) / 4 for edge in (light.edge_u_mm, light.edge_v_mm))
+    middle = light.position_mm - centre_mm
+    quarters = [middle + i * u + j * v for i in (-1, 1) for j in (-1, 1)]
+    return np.array([[POINT, *quarter, 0, 0, 0, -2, -3, 0] for quarter in quarters], np.float64)
+
+
+class _Slanted(NamedTuple):
+    """What `_multiply` reads of a light.
+
+    Attributes
+    ----------
+    sources : ndarray of shape (n, 10)
+        Each as `emitter` makes it.
+    normal : ndarray of shape (H, W, 3)
+    factor_rgb : ndarray of shape (n, 3)
+        At cosines 0, 1/(n-1), ... 1.
+    """
+
+    sources: Float
+    normal: Image
+    factor_rgb: Float
 
 
 @kernel
-def _multiply(first, stop, source, texels, subdivided, factor_rgb, out):  # type: ignore[no-untyped-def]
-    """Multiply irradiance by the factor at each texel's cosine of incidence, linear between the table's nodes.
+def _multiply(first, stop, of, face_index, barycentric, subdivided, out):  # type: ignore[no-untyped-def]
+    """Multiply irradiance by the mean factor of a light's sources, linear between the table's nodes.
 
     Parameters
     ----------
     first, stop : int
         Rows.
-    source : ndarray of shape (10,)
-        As `emitter` makes it.
-    texels : SurfaceTexels
-        With the normals that light was computed with.
+    of : _Slanted
+    face_index, barycentric : ndarrays of shape (H, W), (H, W, 2)
     subdivided : SubdividedMesh
-    factor_rgb : ndarray of shape (n, 3)
     out : ndarray of shape (H, W, 3)
     """
-    face_index, barycentric, normal = texels.face_index, texels.barycentric, texels.normal
-    last = factor_rgb.shape[0] - 1
+    table, normal = of.factor_rgb, of.normal
+    last = table.shape[0] - 1
     for row in range(first, stop):
         for col in range(out.shape[1]):
             face = face_index[row, col]
             if face == NO_FACE or out[row, col, 0] + out[row, col, 1] + out[row, col, 2] == 0.0:
                 continue
             px, py, pz = 0.0, 0.0, 0.0
-            if source[0] != DIRECTIONAL:
+            if of.sources[0, 0] != DIRECTIONAL:
                 px, py, pz = point_of(
                     subdivided, face, np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
                 )
-            lx, ly, lz, _, _ = towards(source, px, py, pz)
-            cosine = normal[row, col, 0] * lx + normal[row, col, 1] * ly + normal[row, col, 2] * lz
-            x = min(max(cosine, 0.0), 1.0) * last
-            i = min(int(x), last - 1)
-            for k in range(3):
-                out[row, col, k] *= factor_rgb[i, k] + (x - i) * (factor_rgb[i + 1, k] - factor_rgb[i, k])
+            red, green, blue, total = 0.0, 0.0, 0.0, 0.0
+            for source in of.sources:
+                lx, ly, lz, _, reach = towards(source, px, py, pz)
+                cosine = normal[row, col, 0] * lx + normal[row, col, 1] * ly + normal[row, col, 2] * lz
+                x = min(max(cosine, 0.0), 1.0) * last
+                i = min(int(x), last - 1)
+                # Grazing light counts as well where there is no other
+                weight = max(cosine, 1e-6) * max(reach, 1e-30)
+                total += weight
+                red += weight * (table[i, 0] + (x - i) * (table[i + 1, 0] - table[i, 0]))
+                green += weight * (table[i, 1] + (x - i) * (table[i + 1, 1] - table[i, 1]))
+                blue += weight * (table[i, 2] + (x - i) * (table[i + 1, 2] - table[i, 2]))
+            out[row, col, 0] *= red / total
+            out[row, col, 1] *= green / total
+            out[row, col, 2] *= blue / total

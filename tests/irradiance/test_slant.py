@@ -7,7 +7,7 @@ from skinbake.atlas import rasterize
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.slant import Slant, apply_slant, decide_incidence, slant_of, slant_rms
+from skinbake.irradiance.slant import Slant, apply_slant, decide_incidence, slant_of, slant_of_sky, slant_rms
 from skinbake.profile.incidence import Incidence, reflect_slanted
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
@@ -19,13 +19,13 @@ COSINE = np.linspace(0, 1, 5)
 SLANT = Slant(np.stack([1 + COSINE, 2 - COSINE, 0 * COSINE + 3], axis=1), np.array([0.5, 1.5, 2.5]))
 
 
-def lit(light, slant=None, height=0.0):
+def lit(light, slant=None, height=0.0, sky=None):
     """Irradiance of a square at the middle texel, with and without the factors."""
     mesh, maps = quad(20.0, 20.0, height), SkinMaps({}, {}, {}, {})
     (raster,) = atlas = rasterize(mesh, (9, 9), 0)
     rgb = light_texels(atlas, mesh, maps, [light])[0].rgb[0]
     if slant is not None:
-        apply_slant(raster, shading_normals(raster, mesh, maps)[1], Occluder(mesh), light, slant, rgb)
+        apply_slant(raster, shading_normals(raster, mesh, maps)[1], Occluder(mesh), light, slant, sky, rgb)
     return rgb[4, 4].astype(float)
 
 
@@ -77,9 +77,41 @@ def test_the_deciding_number_is_the_error_on_a_ball():
     assert slant_rms(slant, sky) == 0
     same = slant_of(Incidence(COSINE, np.full((5, 3), 0.3), np.full(3, 0.3)), np.full(3, 0.3))
     assert max(slant_rms(same, sun), slant_rms(same, sky)) < 1e-12
-    plain = decide_incidence(sun, same, "auto", 0.01)
+    plain = decide_incidence(sun, same, None, "auto", 0.01)
     assert (plain.term, plain.enabled) == ("s.incidence", False)
-    assert decide_incidence(sun, same, "on", 0.01).enabled
-    kept = decide_incidence(sun, slant, "auto", 0.01)
+    assert decide_incidence(sun, same, None, "on", 0.01).enabled
+    kept = decide_incidence(sun, slant, None, "auto", 0.01)
     assert kept.enabled
     assert f"{slant_rms(slant, sun):.2%}" in kept.why
+
+
+def test_a_sky_with_a_sun_has_the_factors_of_its_directions():
+    """A small bright patch counts as a sun there; the same radiance everywhere as light from everywhere."""
+    fine = np.linspace(0, 1, 65)
+    slant = slant_of(Incidence(fine, np.stack([1 + fine, 2 - fine, fine**2], axis=1), np.array([5 / 3, 4 / 3, 0.5])),
+                     np.ones(3))  # fmt: skip
+    light = EnvironmentLight(type="environment", name="k", radiance=(1.0, 1.0, 1.0))
+    even = slant_of_sky(slant, np.ones((32, 64, 3), np.float32), 0.0)
+    np.testing.assert_allclose(lit(light, slant, sky=even) / lit(light), slant.diffuse_rgb, rtol=0.02)
+    np.testing.assert_allclose(slant_rms(slant, light, even), slant_rms(slant, light), rtol=0.05)
+    image = np.zeros((64, 128, 3), np.float32)
+    image[21:23, 63:65] = 1  # 61.9 degrees from the zenith, towards +z: 28.1 degrees off the square's normal
+    mu = np.cos(np.radians(90 - 61.9))
+    sun = slant_of_sky(slant, image, 0.0)
+    np.testing.assert_allclose(lit(light, slant, sky=sun) / lit(light), [1 + mu, 2 - mu, mu**2], rtol=0.02)
+    assert sun.rms == pytest.approx(np.sqrt(np.mean([0.55, 0.09, 0.26])), rel=0.2)
+
+
+def test_a_rectangle_has_the_mean_of_its_quarters():
+    """Wide and near, by its radiance's own mean."""
+    panel = RectangleLight(
+        type="rectangle", name="r", position_mm=(0.0, 0.0, 60.0), edge_u_mm=(100.0, 0.0, 0.0),
+        edge_v_mm=(0.0, -100.0, 0.0), radiance=(1.0, 1.0, 1.0),
+    )  # fmt: skip
+    place = (np.arange(400) + 0.5) / 4 - 50
+    x, y = np.meshgrid(place, place)
+    distance2 = x**2 + y**2 + 60.0**2
+    mu = 60 / np.sqrt(distance2)
+    weight = mu * mu / distance2
+    mean = float((mu * weight).sum() / weight.sum())
+    np.testing.assert_allclose(lit(panel, SLANT) / lit(panel), [1 + mean, 2 - mean, 3], rtol=0.05)
