@@ -245,7 +245,7 @@ def _extend(first, stop, flat_index, raster, planes, beyond, position):  # type:
             _continue_plane(planes, f, (dx, dy, away), beyond, position[n])
 
 
-@kernel(inner=True)
+@kernel(inline=True)
 def _continue_plane(planes, f, way, beyond, position):  # type: ignore[no-untyped-def]
     """Move a position by the face's affine map of a step of texels, as far as its mean texel lets it.
 

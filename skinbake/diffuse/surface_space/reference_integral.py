@@ -223,7 +223,7 @@ def _sum(sums, row):  # type: ignore[no-untyped-def]
     return total
 
 
-@kernel(inner=True)
+@kernel(inline=True)
 def _keep_apart(near, leaf, at, normal, weight):  # type: ignore[no-untyped-def]
     """Multiply the weights of leaves' sources by `pair_weight`.
 
