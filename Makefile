@@ -5,6 +5,7 @@
 CONFIG ?= configs/head.yaml
 BATCH ?= configs/looks.yaml
 PYTHON ?= python3
+TESTERS ?= 2
 
 # A path as one word for the shell, whatever is in it
 QUOTED = '$(subst ','\'',$(1))'
@@ -76,11 +77,11 @@ $(foreach batch,$(BATCHES),$(eval $(call BATCH_RULE,$(batch))))
 tradeoff: $(READY)  ## measure time and memory against error for CONFIG
 	$(SKINBAKE) tradeoff $(call QUOTED,$(CONFIG))
 
-test: $(READY) .venv/.testing  ## run every test
-	$(BIN)/python -m pytest
+test: $(READY) .venv/.testing  ## run every test, on TESTERS processes
+	$(BIN)/python -m pytest -n $(TESTERS)
 
 quick: $(READY)  ## the tests worth running after each edit
-	$(BIN)/python -m pytest -m 'not slow'
+	$(BIN)/python -m pytest -n $(TESTERS) -m 'not slow'
 
 .venv/.testing: | $(READY)
 	@$(BIN)/python -m skinbake.preview.setup_gl testing

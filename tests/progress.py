@@ -6,6 +6,8 @@ import os
 import threading
 import time
 
+import pytest
+
 SECONDS = 10.0
 
 
@@ -38,8 +40,17 @@ class Progress:
 
     def pytest_collection_finish(self, session):
         """All tests are known: begin to tell."""
-        self.total = len(session.items)
-        self._teller.start()
+        self._begin(len(session.items))
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_xdist_node_collection_finished(self, ids):
+        """The same where other processes run them."""
+        self._begin(len(ids))
+
+    def _begin(self, total: int) -> None:
+        self.total = total
+        if total and not self._teller.is_alive():
+            self._teller.start()
 
     def pytest_runtest_logstart(self, nodeid):
         """A test begins."""
