@@ -86,7 +86,7 @@ def diffuse(
     # Check, and scale what float32 could not sum
     fixed = method_asked_for(spec.method, spec.normalise)
     tiles = checked_source(source, lights, atlas)
-    check_memory(atlas[0].shape, len(lights), len(atlas), len(gaussians.variance_mm2), spec.method)
+    check_memory(atlas[0].shape, len(lights), len(atlas), len(gaussians.variance_mm2), spec.method, beam is not None)
     scaled, exponents = scaled_source(tiles)
     geometry = SkinGeometry(atlas, mesh)
     memoizer = Memoizer(LobeResources(scaled, geometry, spec), lights, remember)

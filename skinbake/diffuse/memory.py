@@ -8,7 +8,7 @@ from skinbake.machine import physical_memory_bytes
 
 
 def memory_needed_bytes(
-    size: tuple[int, ...], lights: int, tiles: int = 1, lobes: int = 6, method: str = "auto"
+    size: tuple[int, ...], lights: int, tiles: int = 1, lobes: int = 6, method: str = "auto", beam: bool = False
 ) -> int:
     """Peak memory of the diffusion of full textures, an upper estimate from the arrays that live together.
 
@@ -20,6 +20,8 @@ def memory_needed_bytes(
         How many of them.
     method : str
         `diffusion.method`; any method may come into use with `auto`.
+    beam : bool
+        Whether wider lobes blur another light: a second source, its moments, its premultiplied copy and its leaves.
 
     Raises
     ------
@@ -42,15 +44,17 @@ def memory_needed_bytes(
     per_texel += surface  # probes are checked against the surface integral, whatever the method
     fixed = method_asked_for(method)
     per_texel += max(each.memory_bytes_per_texel(lights) for each in ([fixed] if fixed else METHODS.values()))
+    if beam:
+        per_texel += (12 + 4 + 16 + 12) * lights
     return int(texels * per_texel)
 
 
-def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, method: str) -> None:
+def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, method: str, beam: bool = False) -> None:
     """Refuse early what this machine cannot hold.
 
     Parameters
     ----------
-    size, lights, tiles, lobes, method
+    size, lights, tiles, lobes, method, beam
         See `memory_needed_bytes`.
 
     Raises
@@ -58,7 +62,7 @@ def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, met
     MachineError
         With the memory it would need and what to change.
     """
-    needed = memory_needed_bytes(size, lights, tiles, lobes, method)
+    needed = memory_needed_bytes(size, lights, tiles, lobes, method, beam)
     there = physical_memory_bytes()
     if needed > there:
         raise MachineError(

@@ -11,6 +11,7 @@ from skinbake.diffuse.diffuse_map import DiffuseMap
 from skinbake.diffuse.light_entering import light_entering
 from skinbake.diffuse.memoize import Memoize
 from skinbake.diffuse.memory import check_memory
+from skinbake.diffuse.terms.beam import free_path_of
 from skinbake.diffuse.terms.transmission import transmit
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
@@ -103,4 +104,5 @@ def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int) -> None:
         More memory is needed than there is.
     """
     lights = len(decisions.stored_lights)
-    check_memory(spec.texture.size[::-1], lights, tiles, LIKELY_LOBES, spec.diffusion.method)
+    shifted = spec.terms.beam != "off" and not isinstance(free_path_of(skin_medium(spec.skin)), str)
+    check_memory(spec.texture.size[::-1], lights, tiles, LIKELY_LOBES, spec.diffusion.method, shifted)
