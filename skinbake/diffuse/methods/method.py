@@ -26,9 +26,9 @@ class LobeParameters(NamedTuple):
     level : int
         It is stored at the full size halved this many times.
     spacing : float
-        Of surface sums: side of the widest cluster, in sigma.
+        Side of the widest cluster of surface sums, in sigma.
     threshold : float
-        Of `hybrid`: predicted error of the blur, over a light's mean, from which on sums take its place.
+        Predicted error of the blur, over a light's mean, from which on `hybrid` takes sums in its place.
     """
 
     variance_mm2: float
@@ -68,7 +68,7 @@ class Trial:
     levels : range
         Stored sizes that can show the lobe; empty for one that is too narrow to blur anything.
     spacing : float
-        Of clusters that are within the tolerance, in sigma.
+        Side of clusters that are within the tolerance, in sigma.
     probes : Probes
     exact : ndarray of shape (P, 3 L)
         The surface integral at the probes.

@@ -21,7 +21,7 @@ def stored_level(
     Parameters
     ----------
     bilinear_error : float
-        Of the method (`DiffusionMethod.bilinear_error`).
+        The method's own (`DiffusionMethod.bilinear_error`).
     variance_mm2 : float
         Of the lobe, > 0.
     mean_texel_mm2 : float

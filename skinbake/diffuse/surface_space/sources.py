@@ -42,13 +42,13 @@ class SourceTree:
         Sixteen sources side by side: x y z (mm), unit normal, `NARROWING`, `AMPLITUDE`, radiosity from `LIGHT` on. A
         place without a source is far away, and all else 0.
     count : int
-        Of sources.
+        How many sources there are.
     largest : float
-        Amplitude.
+        The largest amplitude.
     box : ndarray of shape (G, 6, 16), float32
         Least x y z and greatest x y z of sixteen boxes; those of the leaves first, then of the groups themselves.
     first_group : ndarray of shape (levels,), int64
-        Of each level, leaves first; the last level is one group.
+        Number of each level's first group, leaves first; the last level is one group.
     """
 
     leaf: NDArray[np.float32]
@@ -227,7 +227,7 @@ def _walk(first, stop, roots, points, pyramid, max_spread, out):  # type: ignore
     points : TexelPoints
     pyramid : MomentPyramid
     max_spread : float32
-        Of a block, mm^2.
+        Largest spread of a block that is one source, mm^2.
     out : _Walked
         Written.
     """

@@ -82,7 +82,7 @@ def interpolate_smooth(
     least_sigma_mm : ndarray of shape (2 h, 2 w), float32
         See `least_sigma`.
     sigma_mm : float
-        Of the lobe: how fast the field may change.
+        Standard deviation of the lobe, which tells how fast the field may change.
     out : ndarray of shape (L, 2 h, 2 w, 3), float32
         Written where safe.
 
@@ -104,7 +104,7 @@ class _Coarse(NamedTuple):
     position : ndarray of shape (h w 3,), float32
         By texel, mm.
     widest : ndarray of shape (h, w), float32
-        Of `_widest_step`.
+        As `_widest_step` gives it.
     """
 
     position: NDArray[np.float32]

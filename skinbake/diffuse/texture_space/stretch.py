@@ -171,9 +171,8 @@ class _Ellipses(NamedTuple):
 
     Attributes
     ----------
-    form : ndarray of shape (H, W, 3), float32
-    reach : ndarray of shape (H, W, 2), float32
-        Of `_quadratic_form`.
+    form, reach : ndarrays of shape (H, W, 3), (H, W, 2), float32
+        As `_quadratic_form` gives them.
     chart : ndarray of shape (H, W), int32
         -1 where empty.
     """
