@@ -82,3 +82,25 @@ def test_programs_are_told_through_logging(python):
     )
     assert python(code.format("'DEBUG'")) == "compiling kernels, once ...\ncompiled library.quarter\n"
     assert python(code.format("'DEBUG'")) == ""
+
+
+def test_the_collector_of_cycles_rests_while_kernels_are_compiled(python):
+    """And is as it was before: at work, or switched off by somebody else; also after an error of the compiler."""
+    code = """
+import gc, sys, library
+from skinbake.kernels.watch_compiling import watch_compiling
+{0}
+seen = []
+with watch_compiling(lambda name, begun: seen.append((name, begun, gc.isenabled()))):
+    try:
+        library.half("text")
+    except Exception as error:
+        seen.append(type(error).__name__)
+    print(library.quarter(8.0), library.quarter(16.0))
+print(seen, gc.isenabled(), file=sys.stderr)
+"""
+    failed = [("library.half", True, False), ("library.half", False, True), "TypingError"]
+    compiled = [("library.quarter", True, False), ("library.quarter", False, True)]
+    assert python(code.format("")).strip() == f"{failed + compiled} True"
+    off = [("library.half", True, False), ("library.half", False, False), "TypingError"]
+    assert python(code.format("gc.disable()")).strip() == f"{off} False"
