@@ -12,6 +12,7 @@ from skinbake.diffuse.memoize import Memoizer
 from skinbake.diffuse.methods import REFERENCE, LobeParameters, LobePlan
 from skinbake.diffuse.probes import Probes, read_at_probes
 from skinbake.diffuse.resources import Resource
+from skinbake.diffuse.texture_space.blur import level_size
 from skinbake.numerics import Float
 
 
@@ -72,6 +73,7 @@ def make_lobes(
         method, parameters = plans[i].method, plans[i].parameters
         tell(f"lobe {i}: {method.name}")
         made[i] = memoizer.map(method, parameters)
+        _check_size(method.name, made[i], memoizer.resources.source, parameters.level)
         if len(probes):
             tell(f"measuring lobe {i}")
             unreduced[i] = (
@@ -86,3 +88,30 @@ def make_lobes(
     found = [[values[i] for i in range(len(plans))] for values in (read, unreduced)]
     total = measure_error(*(weighted_sum(values, weight_rgb) for values in (*found, exact)))
     return MadeLobes(tiles, total, [measure_error(*each) for each in zip(*found, exact, strict=True)])
+
+
+def _check_size(name: str, made: Tiles, source: Tiles, level: int) -> None:
+    """Hold a method to the size that the plan states.
+
+    Parameters
+    ----------
+    name : str
+        Of the method.
+    made, source : Tiles
+        The lobe, and the light at the full size.
+    level : int
+        The lobe is wanted at the full size halved this many times.
+
+    Raises
+    ------
+    ValueError
+        It made another size, or other tiles.
+    """
+    for tile, light in source.items():
+        lights, height, width, channels = light.shape
+        want = (lights, *level_size((height, width), level), channels)
+        if tile not in made or made[tile].shape != want:
+            got = made[tile].shape if tile in made else None
+            raise ValueError(
+                f"method {name}, tile {tile}: expected a lobe of shape {want}, got {got}; see coarsest_level"
+            )

@@ -109,6 +109,10 @@ class Doubled(DiffusionMethod):
         """At the full size."""
         return {tile: 2 * rgb for tile, rgb in resources.source.items()}
 
+    def coarsest_level(self, size, level):
+        """The full size alone."""
+        return 0
+
 
 def test_a_new_method_needs_its_line_alone(monkeypatch):
     """It can be asked for in a look, baked, measured, and is named in the plan."""
@@ -130,6 +134,18 @@ def test_a_new_method_needs_its_line_alone(monkeypatch):
     np.testing.assert_array_equal(baked.lobes[0].rgb[1001], 2)
     assert baked.error.rms == pytest.approx(1, abs=1e-3)
     assert "doubled" in baked.plan[0].why
+
+
+def test_a_method_of_another_size_than_planned_is_told(monkeypatch):
+    """Else the plan would speak of texels that nobody has stored."""
+    monkeypatch.setattr(Doubled, "coarsest_level", DiffusionMethod.coarsest_level)
+    monkeypatch.setitem(methods.METHODS, "doubled", Doubled())
+    mesh = relief(12)
+    atlas = rasterize(mesh, (64, 64))
+    skin = GaussianSum(np.array([400.0]), np.ones((1, 3)), np.zeros(3), np.ones(3))
+    spec = DiffusionSpec(method="doubled", probes=0)
+    with pytest.raises(ValueError, match=r"method doubled, tile 1001: expected a lobe of shape .* see coarsest_level"):
+        diffuse({1001: np.ones((1, 64, 64, 3), np.float32)}, ("sun",), atlas, mesh, skin, spec, 0, "float")
 
 
 def test_a_method_that_there_is_not_is_refused_with_those_there_are():

@@ -137,7 +137,10 @@ class DiffusionMethod(ABC):
 
     @abstractmethod
     def map(self, resources: LobeResources, lobe: LobeParameters) -> Tiles:
-        """The lobe at its stored size, (L, h, w, 3) a tile, float32."""
+        """The lobe at its stored size, the full one halved `lobe.level` times, (L, h, w, 3) a tile, float32.
+
+        Odd sizes are rounded up. The light that arrives (`resources.source`) may be given as it is: nobody changes it.
+        """
 
     def at_probes(self, resources: LobeResources, lobe: LobeParameters, probes: Probes) -> Float:
         """The lobe at probes as the method gives it, before any storage, (P, 3 L).
