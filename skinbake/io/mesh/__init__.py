@@ -1,4 +1,4 @@
-"""Meshes: OBJ, glTF, PLY, STL and OFF come in as a SkinMesh in millimetres with v up."""
+"""Meshes: OBJ, glTF, PLY, STL, OFF and USD come in as a SkinMesh in millimetres with v up."""
 
 from skinbake.io.mesh.files import mesh_files
 from skinbake.io.mesh.look_mesh import read_look_mesh
