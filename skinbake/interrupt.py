@@ -33,6 +33,7 @@ STEP_S = 0.01
 _undo: dict[object, Callable[[], object]] = {}  # what removes a temporary file or a lock that is there now
 _saving = 0  # blocks that KeyboardInterrupt may end
 _starting = 0  # children that are being started
+_asked = False  # a signal was heard that ends the process
 _stopping = False
 _finished = False
 
@@ -68,7 +69,7 @@ def finish() -> None:
 
 def stand_still_if_stopping() -> None:
     """Do not come back once the process is about to end: what is begun now would be left half-made."""
-    while _stopping:
+    while _stopping or _asked:
         time.sleep(60)
 
 
@@ -106,6 +107,7 @@ def saving() -> Iterator[None]:
 def starting_children() -> Iterator[None]:
     """Start processes that Ctrl-C does not reach, since this one ends them; a stop waits until they are there."""
     global _starting
+    _start_tracker()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # what they inherit
     _starting += 1
     try:
@@ -114,6 +116,20 @@ def starting_children() -> Iterator[None]:
         _starting -= 1
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         stand_still_if_stopping()
+
+
+def _start_tracker() -> None:
+    """Have the process that `multiprocessing` starts for itself there already, and quiet.
+
+    Starting it, `multiprocessing` lets this thread hear Ctrl-C again. At its end it warns of what it cleans up.
+    """
+    from multiprocessing import resource_tracker
+
+    sys.warnoptions.append("ignore:resource_tracker")  # which it inherits
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions.pop()
 
 
 def remove_tree(folder: str) -> None:
@@ -141,12 +157,14 @@ def _stand_still(number: int, frame: FrameType | None) -> None:
 
 def _watch(heard: int, taken: list[signal.Signals], say: bool) -> None:
     """Wait for the first of the signals, and end the process."""
+    global _asked
     while True:
         number = os.read(heard, 1)[0]
         if number not in taken or _finished:
             continue
         if number == signal.SIGINT and _saving:
             _wait(SAVING_S, lambda: _finished)
+        _asked = not _finished
         _wait(SAVING_S, lambda: not _starting)
         if not _finished:
             _stop(STOPPED[signal.Signals(number)], say)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,14 @@ from skinbake.batch.job import BakeJob, bake_job
 from skinbake.batch.process_pool import ProcessPool
 from skinbake.batch.progress import BatchProgress
 from skinbake.errors import InputError, SkinbakeError, printable
+from skinbake.interrupt import undone_at_stop
 from skinbake.io.atomic import write_text
 from skinbake.io.batch_file import Batch, BatchJob
 from skinbake.io.batch_report import NAME, read_batch_report
 from skinbake.io.code_digest import package_digest
 from skinbake.io.contact_sheet import Cell, write_contact_sheet
 from skinbake.io.fingerprint import every_input
-from skinbake.io.lock import file_lock
+from skinbake.io.lock import file_lock, remove_leftovers
 from skinbake.io.output_names import refuse_inputs
 
 SHEET = "batch.png"
@@ -86,7 +88,8 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
     _refuse_inputs(plan)
     payloads = {job.name: plan.bake_job(job) for job in jobs}
     peak = None
-    with BatchProgress(len(jobs), plan.workers, console) as progress:
+    tidy = partial(_tidy, [Path(job.spec.output.dir) for job in jobs] if plan.dask in (None, "local") else [])
+    with BatchProgress(len(jobs), plan.workers, console) as progress, undone_at_stop(tidy):
         if plan.dask:
             from skinbake.batch.dask_cluster import run_on_dask
 
@@ -121,6 +124,12 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
             _sheet(plan.batch, report["jobs"])
     _summary(report, plan.batch.folder, console)
     return report
+
+
+def _tidy(folders: Sequence[Path]) -> None:
+    """Once the processes that wrote there are gone."""
+    for folder in folders:
+        remove_leftovers(folder)
 
 
 def _refuse_inputs(plan: Plan) -> None:

@@ -8,6 +8,7 @@ at the end, so that a finished folder holds results only; file systems without l
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import platform
 from collections.abc import Callable, Iterator
@@ -123,6 +124,19 @@ def folder_lock(folder: Path | str, say: Callable[[str], None] | None = None) ->
         for left in temporary_files(folder):  # nobody else writes here now
             left.unlink(missing_ok=True)
         yield
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what a writer that was killed has left of its lock and its temporary files, if nobody holds the folder."""
+    with suppress(OSError):
+        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for left in temporary_files(folder):
+                left.unlink(missing_ok=True)
+            (folder / LOCK).unlink()
+        finally:
+            os.close(descriptor)
 
 
 @contextmanager

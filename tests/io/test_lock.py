@@ -9,7 +9,7 @@ import time
 import pytest
 
 from skinbake.errors import InputError
-from skinbake.io.lock import LOCK, Lock, file_lock, folder_lock
+from skinbake.io.lock import LOCK, Lock, file_lock, folder_lock, remove_leftovers
 from tests.conftest import ROOT
 
 HOLD = """
@@ -154,3 +154,18 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="expected a folder"), folder_lock(tmp_path / "file" / "out"):
         pass
+
+
+def test_what_a_killed_writer_left_is_removed_unless_somebody_writes(tmp_path):
+    """Its lock file and what it had not finished; nothing of one that lives, and no file of others."""
+    for name in (".lock", ".lobe_0.77.part.exr", "lobe_1.exr", ".mine"):
+        (tmp_path / name).write_text("left")
+    with folder_lock(tmp_path):
+        (tmp_path / ".lobe_2.78.part.exr").write_text("at work")
+        remove_leftovers(tmp_path)
+        assert (tmp_path / ".lobe_2.78.part.exr").exists()
+        assert (tmp_path / ".lock").exists()
+    (tmp_path / ".lock").write_text("left")
+    remove_leftovers(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".mine", "lobe_1.exr"]
+    remove_leftovers(tmp_path / "nowhere")
