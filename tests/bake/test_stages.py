@@ -100,3 +100,7 @@ def test_light_between_skin_reads_the_albedo_and_the_number_of_bounces(stages):
     assert key() != key(red)
     assert key("terms.interreflection=off") == key("terms.interreflection=off", red)
     assert key() != key("terms.bounces=2")
+    rough = "specular.roughness=0.5"
+    assert key() == key(rough)
+    oily = "terms.energy_conservation=on"
+    assert key(oily) != key(oily, rough)
