@@ -27,7 +27,8 @@ _DETAILED = ("albedo", "normal", "height", "detail")  # maps that a coarser text
 
 def _layout_of_its_own(spec: SceneSpec) -> bool:
     """Whether reading the scene made maps at the texture's size."""
-    return spec.texture.unwrap != "none" or spec.maps.height is not None or spec.maps.detail is not None
+    maps = spec.maps
+    return spec.texture.unwrap != "none" or maps.vertex_colors or maps.height is not None or maps.detail is not None
 
 
 class BakeInputs:

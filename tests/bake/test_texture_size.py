@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 import skinbake
+from skinbake.baking.inputs import BakeInputs
+from skinbake.baking.session import BakeSession
+from skinbake.baking.stage_log import StageLog
 from skinbake.cli import run
+from skinbake.io.config import load_look
 from skinbake.io.exr import read_attributes
 from skinbake.io.mesh import write_obj
 from tests.shapes import sphere
@@ -70,6 +74,17 @@ def test_the_stages_alone_agree_on_the_size(folder, tmp_path):
     theirs = str(folder / "off" / "irradiance.exr")
     assert run(["diffuse", str(folder / "me.yaml"), theirs, "--out", str(tmp_path / "c"), *quick]) == 0
     assert json.loads((tmp_path / "c" / "bake.json").read_text())["config"]["texture"]["size"] == [1024, 2048]
+
+
+def test_colours_of_vertices_are_made_at_the_size_that_is_worked_at(folder):
+    """What was drawn at the other size, to choose, is let go."""
+    lines = (folder / "mesh.obj").read_text().splitlines()
+    coloured = [f"{line} 0.8 0.6 0.5" if line.startswith("v ") else line for line in lines]
+    (folder / "coloured.obj").write_text("\n".join(coloured) + "\n")
+    more = [f"mesh.path={folder}/coloured.obj", "maps.vertex_colors=true"]
+    inputs = BakeInputs(load_look(folder / "me.yaml", more), BakeSession(), StageLog())
+    assert inputs.spec.texture.size == (512, 1024)
+    assert inputs.scene().maps.albedo[1001].shape == (1024, 512, 3)
 
 
 def test_a_bake_in_memory_has_the_size_of_the_one_on_the_disk(folder):
