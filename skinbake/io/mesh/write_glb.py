@@ -93,9 +93,9 @@ def write_glb(path: Path, primitives: Sequence[GlbPrimitive], extras: Mapping[st
             "attributes": {
                 "POSITION": binary.accessor(each.position, _ARRAY_BUFFER, bounds=True),
                 "NORMAL": binary.accessor(_unit(each.normal), _ARRAY_BUFFER),
-                "TANGENT": binary.accessor(_unit_tangent(each.tangent), _ARRAY_BUFFER),
                 "TEXCOORD_0": binary.accessor(each.uv, _ARRAY_BUFFER),
-            },
+            }
+            | _tangents(each, binary),
             "indices": binary.accessor(each.faces.reshape(-1, 1).astype(np.uint32), _ELEMENT_ARRAY_BUFFER),
             "material": index,
         }
@@ -184,6 +184,13 @@ def _material(material: GlbMaterial, binary: _Binary) -> dict[str, Any]:
         made["normalTexture"] = binary.texture(f"{material.name} normal", material.normal)
         made["normalTexture"]["scale"] = material.normal_scale
     return made | {"extensions": {"KHR_materials_unlit": {}}}
+
+
+def _tangents(primitive: GlbPrimitive, binary: _Binary) -> dict[str, int]:
+    """The attribute that only a normal map has use for."""
+    if primitive.material.normal is None:
+        return {}
+    return {"TANGENT": binary.accessor(_unit_tangent(primitive.tangent), _ARRAY_BUFFER)}
 
 
 def _unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
