@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import html
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
@@ -17,6 +19,9 @@ from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
 Gains = Mapping[str, float | Sequence[float]]
+
+
+_NOTEBOOK_TEXELS = 512  # a side, at most twice that
 
 
 class Pixels(Protocol):
@@ -85,6 +90,32 @@ class BakedSkin:
     def tolerance_met(self) -> bool:
         """Whether the measured error is within `diffusion.tolerance`; True where none was measured."""
         return self.error is None or self.error.rms <= self.look.diffusion.tolerance
+
+    @property
+    def verdict(self) -> str:
+        """What the bake's errors are, in a sentence."""
+        if self.error is None:
+            return "the blur was not measured"
+        met = "within" if self.tolerance_met else "not within"
+        tolerance = self.look.diffusion.tolerance
+        return f"the blur is off by {self.error.rms:.2%} rms, {met} its tolerance of {tolerance:.2%}"
+
+    def _repr_html_(self) -> str:
+        """The light leaving the first tile as a picture, and the verdict: what a notebook shows."""
+        from skinbake.io.png import png_bytes
+        from skinbake.preview.tonemap import tonemap
+
+        m = self.radiant_exitance()
+        step = max(1, max(m.shape[:2]) // _NOTEBOOK_TEXELS)
+        small = m[: m.shape[0] // step * step, : m.shape[1] // step * step]
+        small = small.reshape(small.shape[0] // step, step, small.shape[1] // step, step, 3).mean(axis=(1, 3))
+        picture = tonemap(small / np.float32(np.pi), self.look.preview.exposure)
+        data = base64.b64encode(png_bytes(picture)).decode("ascii")
+        lights = html.escape(", ".join(self.lights))
+        return (
+            f'<figure><img src="data:image/png;base64,{data}" alt="Light leaving the skin">'
+            f"<figcaption>{html.escape(self.verdict)}; lights {lights}</figcaption></figure>"
+        )
 
     def irradiance(self, light: str | None = None, tile: int | None = None) -> Image:
         """Light arriving at each texel, W/m^2-like, linear Rec.709.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import re
 import subprocess
@@ -9,6 +11,7 @@ import sys
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import skinbake
 from skinbake.cli import run
@@ -17,6 +20,7 @@ from skinbake.errors import InputError
 from skinbake.io.exr import read_parts
 from skinbake.io.mesh import write_obj
 from skinbake.io.png import write_png
+from skinbake.preview.tonemap import tonemap
 from tests.conftest import ROOT
 from tests.shapes import sphere
 
@@ -168,3 +172,15 @@ def test_import_loads_nothing_heavy():
     assert skinbake.bake.__module__ == "skinbake.api.in_memory"
     with pytest.raises(AttributeError, match="has no attribute 'bakes'"):
         _ = skinbake.bakes
+
+
+def test_a_notebook_shows_the_light_and_the_verdict(both):
+    """A PNG of M / pi as the preview tone-maps it, and a sentence."""
+    for baked in both:
+        shown = baked._repr_html_()
+        data = re.search(r'src="data:image/png;base64,([^"]+)"', shown)[1]
+        picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))))
+        np.testing.assert_array_equal(picture, tonemap(baked.radiant_exitance() / np.float32(np.pi)))
+        assert (
+            f"the blur is off by {baked.error.rms:.2%} rms, within its tolerance of 50.00%; lights key, lamp" in shown
+        )
