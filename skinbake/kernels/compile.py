@@ -25,6 +25,7 @@ import tempfile
 import time
 import types as python_types
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.extending import is_jitted
 
+from skinbake.interrupt import undone_at_stop
 from skinbake.kernels.watch_compiling import tell_watchers
 
 _KEPT_DAYS = 30
@@ -380,9 +382,10 @@ def _write(path: Path, data: bytes) -> None:
     """
     handle, part = tempfile.mkstemp(dir=path.parent, prefix=".part-")
     try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(hashlib.sha256(data).digest() + data)
-        os.replace(part, path)
+        with undone_at_stop(partial(os.unlink, part)):
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(hashlib.sha256(data).digest() + data)
+            os.replace(part, path)
     except BaseException:
         with contextlib.suppress(OSError):
             os.unlink(part)
