@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from skinbake.compare import Difference
 
 limit = Within(min=0)
+_WHOLE = 0.999  # coverage of a texel that shows nothing but skin
 
 
 @click.command("compare")
@@ -107,7 +108,11 @@ def _figures(difference: Difference) -> dict[str, Any]:
 
 
 def _of_two_bakes(image: Path, reference: Path, ours: dict[str, Any], theirs: dict[str, Any]) -> None:
-    """Bring lobes to one size, and add what they sum to."""
+    """Bring light and lobes to one size, and add what they sum to.
+
+    Of bakes whose textures differ in size, only texels that show nothing but skin in the larger one are compared: how
+    far light is carried on beyond the charts depends on the size.
+    """
     from skinbake.compare import read_at
     from skinbake.errors import InputError
     from skinbake.io.manifest import read_manifest
@@ -119,7 +124,25 @@ def _of_two_bakes(image: Path, reference: Path, ours: dict[str, Any], theirs: di
         sums = [{}, {}]
     for images, found in zip((ours, theirs), sums, strict=True):
         images.update({f"sum of lobes {tile}".strip(): values for tile, values in found.items()})
+    covered = _covered(ours, theirs)
     for name in ours.keys() & theirs.keys():
-        if name.startswith(("lobe_", "transmission", "sum of lobes")) and ours[name].shape != theirs[name].shape:
+        if not name.startswith(("irradiance", "lobe_", "transmission", "sum of lobes")):
+            continue
+        if ours[name].shape != theirs[name].shape:
             height, width = [max(pair) for pair in zip(ours[name].shape, theirs[name].shape, strict=True)][:2]
             ours[name], theirs[name] = (read_at(values[name], height, width) for values in (ours, theirs))
+        tile = next((tile for tile in covered if tile and tile in name), "")
+        if tile in covered:
+            skin = read_at(covered[tile], *ours[name].shape[:2]) >= _WHOLE
+            ours[name], theirs[name] = ours[name] * skin, theirs[name] * skin
+
+
+def _covered(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, Any]:
+    """Coverage (H, W, 1) of the larger of two textures by tile ("" where there is one); none where sizes agree."""
+    found = {}
+    for name in ours.keys() & theirs.keys():
+        smaller, larger = sorted((ours[name], theirs[name]), key=lambda image: image.shape)
+        total = name.startswith("irradiance") and name.endswith(" irradiance") and larger.shape[-1] == 4
+        if total and smaller.shape != larger.shape:
+            found[name.partition(".exr")[0].removeprefix("irradiance").strip(".")] = larger[..., 3:]
+    return found

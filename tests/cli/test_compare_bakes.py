@@ -193,3 +193,15 @@ def test_info_tells_where_a_bake_came_from(bake, tmp_path, capsys):
     assert run(["info", f"{folder}/lobe_0.exr"]) == 0
     assert "skinbake:variance_mm2" in capsys.readouterr().out
     assert run(["info", str(tmp_path)]) == 2
+
+
+def test_bakes_of_other_texture_sizes_are_compared_on_the_skin(bake, capsys):
+    """What is carried on beyond the charts is no difference; the light itself is read at the larger size, too."""
+    soft = ["--set", "skin.variance_mm2=[40, 300]"]
+    a, b = bake("a", *soft, "--set", "texture.size=96"), bake("b", *soft, "--set", "texture.size=48")
+    run(["compare", a, b, "--json"])
+    found = json.loads(capsys.readouterr().out)["images"]
+    light = np.asarray(read_parts(a + "/irradiance.exr")["irradiance"].channels["G"], np.float32)
+    assert 0 < found["irradiance.exr irradiance"]["rms"] < 0.1 * light.max()
+    lobes = np.asarray(read_parts(a + "/lobe_1.exr")["irradiance"].channels["G"], np.float32)
+    assert 0 < found["sum of lobes"]["rms"] < 0.03 * lobes.max()
