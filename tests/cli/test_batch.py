@@ -87,6 +87,7 @@ def digests(folder, out="out"):
     }
 
 
+@pytest.mark.slow
 def test_each_light_of_a_head_is_traced_once(folder):
     """Four looks have two mesh rasters' worth of texels in common and three lights between them."""
     jobs = batch(folder, "-j", "2")
@@ -99,6 +100,7 @@ def test_each_light_of_a_head_is_traced_once(folder):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_bytes_do_not_tell_what_was_shared(here, folder):
     """With the cache, without it, one look alone, on one process or two: the same files."""
     batch(folder, "-j", "2")
@@ -208,6 +210,7 @@ def test_dry_run_says_what_would_be_done_and_does_nothing(here, folder, capsys):
     assert "mesh.obj: expected a file that can be read" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_only_bakes_what_is_named_and_keeps_what_is_known(here, folder, capsys):
     """A later run for one look does not forget the others."""
     assert {j["status"] for j in batch(folder, "--only", "thin-*").values()} == {"done", "not run"}
@@ -218,6 +221,7 @@ def test_only_bakes_what_is_named_and_keeps_what_is_known(here, folder, capsys):
     assert "--only none: expected one of thin-day, thin-dusk" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_plain_lines_where_there_is_no_terminal(folder):
     """One line a look, with time left, on stderr; JSON on stdout."""
     command = [sys.executable, "-m", "skinbake", "batch", str(folder / "looks.yaml"), "--no-preview", "--json"]
@@ -232,6 +236,7 @@ def test_plain_lines_where_there_is_no_terminal(folder):
     assert all(job["peak_memory_mib"] > 50 for job in report["jobs"])
 
 
+@pytest.mark.slow
 def test_a_bar_on_a_terminal(folder):
     """With a terminal behind stderr the display moves."""
     pty = pytest.importorskip("pty")

@@ -133,6 +133,7 @@ def test_a_bake_killed_before_any_step_on_the_disk_ends_in_the_same_bytes(bakes)
         assert contents(bakes.out) == want, f"step {step} of {steps}"
 
 
+@pytest.mark.slow
 def test_two_bakes_of_one_folder_take_turns(bakes):
     """The second waits for the lock, finds everything done, and both end well."""
     command = [sys.executable, "-m", "skinbake", "bake", str(bakes.folder / "look.yaml"), "--no-preview"]
@@ -158,6 +159,7 @@ def mounted(folder, options):
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="mounts a tmpfs")
 @pytest.mark.parametrize("kib", [24, 80, 140])
 def test_a_full_disk_is_told_and_survived(bakes, kib):

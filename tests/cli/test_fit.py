@@ -76,6 +76,7 @@ def test_own_profile_is_described_as_well_as_fitted(config, tmp_path, capsys):
     np.testing.assert_allclose(record["against"]["relative_error_rgb"], record["relative_error_rgb"], rtol=0.1)
 
 
+@pytest.mark.slow
 def test_tolerance(config, tmp_path, capsys):
     """A tolerance that is met ends with 0; one that is not ends with 1, after writing, and says what was reached."""
     assert run(["fit", config(SKIN1.replace("gaussians: 4", "tolerance: 0.02")), "--json"]) == 0

@@ -52,6 +52,7 @@ def test_more_absorption_is_darker(name, a, s, eta, more):
     assert (dark <= light * (1 + 1e-9) + 1e-15).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(a=st.floats(0.001, 1), s=st.floats(0.3, 10), unit=scales)
 def test_fits_know_no_unit(a, s, unit):

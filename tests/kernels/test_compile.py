@@ -145,6 +145,7 @@ def entries(cache):
     return sorted(cache.glob("*-*"))
 
 
+@pytest.mark.slow
 def test_two_copies_of_the_code_share_the_machine_code(tmp_path):
     """Whichever folder they lie in; types of arguments have entries of their own."""
     cache = tmp_path / "cache"
@@ -167,6 +168,7 @@ def test_fields_of_named_tuples_are_told_apart(tmp_path):
         assert python(RUN.format(x=1.0).replace("1.0, 5.0", "a=1.0, b=5.0"), tmp_path, cache)[1] == "7.0"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "damage", [lambda b: b"", lambda b: b[: len(b) // 2], lambda b: b[:99] + bytes([b[99] ^ 1]) + b[100:]]
 )
@@ -181,6 +183,7 @@ def test_a_damaged_entry_is_compiled_anew(tmp_path, damage):
     assert python(RUN.format(x=1.0), tmp_path, cache) == ["4.0", "7.0", "0", "0"]
 
 
+@pytest.mark.slow
 def test_processes_at_once_leave_whole_entries(tmp_path):
     """Each compiles what it does not find, and what the last one wrote serves everybody."""
     (tmp_path / "library.py").write_text(LIBRARY)

@@ -45,6 +45,7 @@ def agree(got, stderr, want, most=3.5, floor=0.0, precise=0.03):
     assert np.all(np.abs(deviation) < most), deviation
 
 
+@pytest.mark.slow
 def test_a_half_space_reflects_what_chandrasekhar_says():
     """R(mu) at three cosines and of a sky, for the three albedos of skin, equal indices."""
     mesh = box([-300, -300, -300], [300, 300, 0])
