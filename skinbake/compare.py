@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.bilinear import magnify_bilinear
 from skinbake.numerics import Float
 
 
@@ -100,13 +101,4 @@ def read_at(image: NDArray[np.floating], height: int, width: int) -> NDArray[np.
     -------
     ndarray of shape (height, width, channels), float32
     """
-    rows, columns = (
-        np.clip((np.arange(wanted) + 0.5) * have / wanted - 0.5, 0, have - 1)
-        for wanted, have in ((height, image.shape[0]), (width, image.shape[1]))
-    )
-    top, left = np.floor(rows).astype(int), np.floor(columns).astype(int)
-    below, right = np.minimum(top + 1, image.shape[0] - 1), np.minimum(left + 1, image.shape[1] - 1)
-    down, across = (rows - top)[:, None, None], (columns - left)[None, :, None]
-    upper = image[top][:, left] * (1 - across) + image[top][:, right] * across
-    lower = image[below][:, left] * (1 - across) + image[below][:, right] * across
-    return (upper * (1 - down) + lower * down).astype(np.float32)
+    return magnify_bilinear(np.asarray(image, np.float32), (height, width))

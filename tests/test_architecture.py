@@ -15,6 +15,7 @@ ORDER = [
     "machine",
     "kernels",
     "stored_precision",
+    "bilinear",
     "scene",
     "profile",
     "atlas",

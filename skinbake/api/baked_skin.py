@@ -10,8 +10,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse import MeasuredError
-from skinbake.diffuse.bilinear import magnify_bilinear
 from skinbake.errors import InputError
 from skinbake.numerics import Float
 from skinbake.scene.decision import Decision

@@ -18,7 +18,7 @@ from skinbake.atlas import tile_of_face
 from skinbake.atlas.texel_coordinates import local_uv, texel_xy
 from skinbake.baking.bake_look import bake_look
 from skinbake.baking.session import BakeSession
-from skinbake.diffuse.bilinear import read_bilinear
+from skinbake.bilinear import read_bilinear
 from skinbake.errors import ToleranceMissedError
 from skinbake.io.atomic import temporary_folder
 from skinbake.io.bake_folder import read_bake_folder

@@ -266,7 +266,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
 
 def _stored_values(folder: Path, at: Probed, through_only: bool = False) -> Float:
     """Diffuse light at probes as a reader of the files sees it, (P, 3), summed over lights."""
-    from skinbake.diffuse.bilinear import read_bilinear
+    from skinbake.bilinear import read_bilinear
     from skinbake.io.bake_folder import read_bake_folder
 
     baked = read_bake_folder(folder, summed=True)
@@ -285,7 +285,7 @@ def _stored_values(folder: Path, at: Probed, through_only: bool = False) -> Floa
 
 def _albedo_after(spec: SceneSpec, albedo: Any, constant: tuple[float, float, float], at: Probed) -> Float:
     """albedo^(1 - x) at the probes, 1 where all of it went in before the blur."""
-    from skinbake.diffuse.bilinear import read_bilinear
+    from skinbake.bilinear import read_bilinear
 
     exponent = 1 - spec.texturing.exponent_before
     if exponent == 0:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Tiles
-from skinbake.diffuse.bilinear import read_bilinear
+from skinbake.bilinear import read_bilinear
 from skinbake.numerics import Float
 
 

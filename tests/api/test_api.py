@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 import skinbake
+from skinbake.bilinear import magnify_bilinear, read_bilinear
 from skinbake.cli import run
-from skinbake.diffuse.bilinear import magnify_bilinear, read_bilinear
 from skinbake.errors import InputError
 from skinbake.io.exr import read_parts
 from skinbake.io.mesh import write_obj

@@ -246,7 +246,7 @@ def seams(mesh, atlas, source, count: int = 10_000) -> dict:
     First only samples that a texture can show: four texels of their own chart on both sides (charts that touch in UV
     cannot be read there), and texels of at most ten times the mean length (faces squeezed to nothing in UV).
     """
-    from skinbake.diffuse.bilinear import bilinear_texels, read_bilinear
+    from skinbake.bilinear import bilinear_texels, read_bilinear
     from skinbake.diffuse.texture_space.stretch import chart_of_face, uv_vertices
     from tests.diffuse.test_surface import seam_samples
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import interpolate, rasterize
-from skinbake.diffuse.bilinear import read_bilinear
+from skinbake.bilinear import read_bilinear
 from skinbake.diffuse.methods import METHODS, LobeParameters
 from skinbake.diffuse.surface_space.gather import SumRule, gather
 from skinbake.diffuse.surface_space.pair_rule import pair_weight

@@ -11,8 +11,8 @@ import pytest
 import trimesh
 
 import skinbake
+from skinbake.bilinear import magnify_bilinear
 from skinbake.cli import run
-from skinbake.diffuse.bilinear import magnify_bilinear
 from skinbake.errors import InputError
 from skinbake.io.export_list import NAME, refuse_foreign
 from skinbake.io.exr import read_parts

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from skinbake.atlas import Tiles
-from skinbake.diffuse.bilinear import bilinear_texels
+from skinbake.bilinear import bilinear_texels
 from skinbake.diffuse.methods.costs import interpolate_cost, sources_cost, sum_cost, texels
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal, Trial
 from skinbake.diffuse.probes import Probes

@@ -14,7 +14,7 @@ from scipy.fft import rfft2
 
 from skinbake.atlas import Tiled, local_uv, signed_uv_area, tile_of_face
 from skinbake.atlas.texel_coordinates import texel_xy
-from skinbake.diffuse.bilinear import read_bilinear
+from skinbake.bilinear import read_bilinear
 from skinbake.numerics import Float, normalized
 from skinbake.profile import GaussianSum
 from skinbake.scene.decision import Decision

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, face_mm_per_texel, rasterize
 from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits, skin_points
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
@@ -385,16 +386,9 @@ def _enlarge(start, stop, small, face_index, out):  # type: ignore[no-untyped-de
     h, w = small.shape[0], small.shape[1]
     height, width = face_index.shape
     for row in range(start, stop):
-        y = min(max((row + 0.5) * h / height - 0.5, 0.0), h - 1.0)
-        y0 = int(y)
-        y1, fy = min(y0 + 1, h - 1), np.float32(y - y0)
         for col in range(width):
             if face_index[row, col] == NO_FACE:
                 continue
-            x = min(max((col + 0.5) * w / width - 0.5, 0.0), w - 1.0)
-            x0 = int(x)
-            x1, fx = min(x0 + 1, w - 1), np.float32(x - x0)
+            around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
             for c in range(3):
-                top = small[y0, x0, c] * (1 - fx) + small[y0, x1, c] * fx
-                bottom = small[y1, x0, c] * (1 - fx) + small[y1, x1, c] * fx
-                out[row, col, c] += top * (1 - fy) + bottom * fy
+                out[row, col, c] += bilinear(small, c, around)

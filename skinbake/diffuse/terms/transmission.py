@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin, tiles_of
+from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.terms.skin_hits import ascend, skin_points
@@ -251,16 +252,10 @@ def _add_bilinear(
     """
     lights, height, width = image.shape[:3]
     for n in range(first, stop):
-        x = min(max(uv[n, 0] * width - 0.5, 0.0), width - 1.0)
-        y = min(max((1.0 - uv[n, 1]) * height - 0.5, 0.0), height - 1.0)
-        x0, y0 = int(x), int(y)
-        x1, y1 = min(x0 + 1, width - 1), min(y0 + 1, height - 1)
-        fx, fy = x - x0, y - y0
+        around = texels_around(uv[n, 0], uv[n, 1], height, width)
         for light in range(lights):
             for c in range(3):
-                top = image[light, y0, x0, c] * (1.0 - fx) + image[light, y0, x1, c] * fx
-                bottom = image[light, y1, x0, c] * (1.0 - fx) + image[light, y1, x1, c] * fx
-                out[light, pick[n], c] += weight[pick[n], c] * (top * (1.0 - fy) + bottom * fy)
+                out[light, pick[n], c] += weight[pick[n], c] * bilinear(image[light], c, around)
 
 
 def _reflected(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Tiled
-from skinbake.diffuse.bilinear import bilinear_texels
+from skinbake.bilinear import bilinear_texels
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.texture_space.blur import TexturePyramid, blur_at, level_size
 from skinbake.numerics import Float

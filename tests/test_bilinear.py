@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from skinbake.diffuse.bilinear import read_bilinear
+from skinbake.bilinear import read_bilinear
 
 
 def test_reading_is_bilinear_and_rounds_to_half():
