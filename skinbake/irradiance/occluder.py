@@ -70,6 +70,11 @@ class Occluder:
         if not opaque.all():
             self._cards = Cards(positions, casters)
 
+    @property
+    def has_cards(self) -> bool:
+        """Whether anything lets a part of the light pass."""
+        return self._cards is not None
+
     def occluded(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Whether each ray meets the mesh or a caster, shape (n,).
 

@@ -130,3 +130,14 @@ def test_light_behind_a_half_transparent_card_is_smooth(kind):
     light = TypeAdapter(LightSpec).validate_python({"name": "k", "type": kind, **LIGHTS[kind]})
     (found,) = light_texels(rasterize(mesh, (32, 32), 1), mesh, SkinMaps(), [light])
     np.testing.assert_allclose(found.visibility[0][4:-4, 4:-4], 0.7, atol=2e-3)
+
+
+def test_strands_two_texels_apart_are_not_missed():
+    """Stripes that lie alike at every fourth texel, under a lamp so small that no penumbra gives them away."""
+    stripes = np.array([[0, 1]])  # two texels clear, two dark
+    mesh = replace(SKIN, casters=card(2.0, stripes, repeat=8.0))
+    far = {"position_mm": [50, 50, 6000], "edge_u_mm": [-60, 0, 0], "edge_v_mm": [0, 60, 0], "radiance": [1, 1, 1]}
+    light = TypeAdapter(LightSpec).validate_python({"name": "k", "type": "rectangle", "samples": 4, **far})
+    (found,) = light_texels(rasterize(mesh, (32, 32), 1), mesh, SkinMaps(), [light])
+    wanted = np.broadcast_to(np.tile([1, 1, 0, 0], 8), (32, 32))
+    np.testing.assert_array_equal(found.visibility[0][2:-2, 2:-2], wanted[2:-2, 2:-2])
