@@ -39,7 +39,9 @@ UNIT, LEAD = 0.1, 2.0  # mean distance of normals' lengths from 1 that can be; h
 SIGNED_SHARE = 1e-3  # of texels with values below -RINGING: no filter's ringing
 
 
-def read_maps(spec: MapsSpec, tiles: Sequence[int] = (FIRST_TILE,), charts: Charts | None = None) -> SkinMaps:
+def read_maps(
+    spec: MapsSpec, tiles: Sequence[int] = (FIRST_TILE,), charts: Charts | None = None, opaque: bool = False
+) -> SkinMaps:
     """Read the maps of a look.
 
     Parameters
@@ -51,6 +53,8 @@ def read_maps(spec: MapsSpec, tiles: Sequence[int] = (FIRST_TILE,), charts: Char
     charts : callable, optional
         Where charts lie. Black texels beside them count as unpainted; without it, only those of alpha 0 do. Unpainted
         texels are filled from the painted ones around them, so that no filter draws them over a chart's border.
+    opaque : bool
+        Whatever lies on a chart is painted, too, where its alpha is 0.
 
     Raises
     ------
@@ -71,9 +75,10 @@ def read_maps(spec: MapsSpec, tiles: Sequence[int] = (FIRST_TILE,), charts: Char
         values = readers[name](of, path, stored)
         unpainted = _clear(stored)
         if charts is not None and name != "detail":
-            black = _black(stored)
-            if black.any():
-                unpainted = unpainted | (black & ~charts(tile, black.shape))
+            beside = _black(stored) | unpainted if opaque else _black(stored)
+            if beside.any():
+                beside &= ~charts(tile, beside.shape)
+                unpainted = beside if opaque else unpainted | beside
         return filled(values, unpainted)
 
     files = {name: _files(name, of, tiles) for name, of in spec.files().items()}

@@ -134,7 +134,9 @@ def _image_of(
     keys = {"albedo": {"color_space": "srgb"}, "normal": {}, "roughness": {"channel": "g", "kind": "ggx"}}[role]
     wanted = MapsSpec.model_validate({role: {"path": str(path), **keys}})
     try:
-        found = read_maps(wanted, charts=lambda _, shape: charts(shape))
+        # A glTF's alpha means something in the base colour alone, and there not in an OPAQUE material
+        opaque = role != "albedo" or material.alpha_mode == "OPAQUE"
+        found = read_maps(wanted, charts=lambda _, shape: charts(shape), opaque=opaque)
     except SkinbakeError as error:
         raise type(error)(str(error).replace(str(path), called)) from error
     image: Image = getattr(found, role)[FIRST_TILE]

@@ -98,6 +98,29 @@ def test_pictures_wherever_they_lie(tmp_path, where):
     np.testing.assert_allclose(scene(tmp_path).maps.albedo[1001][2, 2], srgb_to_linear(RGB), atol=atol)
 
 
+@pytest.mark.parametrize("mode", [None, "OPAQUE", "MASK", "BLEND"])
+def test_alpha_says_nothing_in_an_opaque_material(tmp_path, mode):
+    """Clear texels on a chart keep their colour there; in other materials they are filled from around them."""
+    pixels = np.full((8, 8, 4), [200, 130, 100, 255], np.uint8)
+    pixels[2:4, 4:] = [40, 90, 20, 0]  # half of the chart's rows, and what lies beside it
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG")
+    entry = {"alphaMode": mode} if mode else {}
+    head(
+        tmp_path,
+        lambda made: {"pbrMetallicRoughness": {"baseColorTexture": made.image(buffer.getvalue())}, **entry},
+        quad(uv_box=(0.25, 0.25, 0.75, 0.75)),
+    )
+    albedo = scene(tmp_path).maps.albedo[1001]
+    paint, clear = srgb_to_linear(RGB), srgb_to_linear(np.array([40, 90, 20]) / 255)
+    np.testing.assert_allclose(albedo[4:, :], np.broadcast_to(paint, (4, 8, 3)), rtol=1e-6)
+    on_chart = albedo[2:4, 4:6]
+    if mode in (None, "OPAQUE"):
+        np.testing.assert_allclose(on_chart, np.broadcast_to(clear, (2, 2, 3)), rtol=1e-6)
+    else:
+        np.testing.assert_allclose(on_chart, np.broadcast_to(paint, (2, 2, 3)), rtol=1e-5)
+
+
 def test_constants_of_a_material(tmp_path):
     """Factors without pictures are constant maps; a material that says nothing leaves the look's own values."""
     factors = {"baseColorFactor": [0.6, 0.4, 0.3, 1], "roughnessFactor": 0.5}
