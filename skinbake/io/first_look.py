@@ -30,6 +30,8 @@ IGNORED = ("lash", "occlusion", "lacrimal", "fluid", "tear", "blend", "cornea", 
 CASTING = ("eye", "iris", "sclera", "pupil", "teeth", "tooth", "tongue", "gum", "hair", "brow", "beard", "hat", "cap",
            "glass", "cloth", "shirt", "collar", "jacket", "dress", "shoe", "jewel", "ring", "helmet")  # fmt: skip
 SKIN_AFTER_ALL = ("socket", "lid", "skin", "face", "head", "ear")
+ON_SKIN = ("hair", "beard")  # whatever it grows on
+FACE, SMALL_SHARE = "face", 0.05  # what goes before larger parts of skin, unless it is smaller than that beside them
 STACKED_SHARE = 0.01  # of a part's texels that another may already have
 RASTER = 256
 YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", ".", "..")
@@ -43,12 +45,13 @@ MAP_WORDS = {
 
 @dataclass(frozen=True)
 class _Chosen:
-    """What is written about the mesh."""
+    """What is written about the mesh; `stacked` would be skin if it had a place of its own in the texture."""
 
     skin: tuple[str, ...]
     ignore: tuple[str, ...]
     unwrap: bool
     udim: bool
+    stacked: tuple[str, ...]
 
 
 def first_look(path: Path, look: Path) -> str:
@@ -120,7 +123,8 @@ def _choose(path: Path, raw: RawMesh) -> tuple[_Chosen, SkinMesh]:
     candidates = with_uv or candidates or list(range(len(raw.names)))
     area = np.bincount(raw.part, SkinMesh(raw.positions, raw.faces, raw.corner_uv, raw.corner_normal).face_area_mm2,
                        len(raw.names))  # fmt: skip
-    candidates.sort(key=lambda part: -area[part])
+    least = SMALL_SHARE * max(area[part] for part in candidates)
+    candidates.sort(key=lambda part: (not (area[part] > least and _is_face(raw.names[part])), -area[part]))
     kept, taken = list[int](), dict[int, NDArray[np.bool_]]()
     for part in candidates:
         texels = {} if no_uvs else _texels(raw, part)
@@ -142,7 +146,9 @@ def _choose(path: Path, raw: RawMesh) -> tuple[_Chosen, SkinMesh]:
     ignored = [part for part in labelled if kinds[part] == "ignore" and part not in kept]
     if not everything and not labelled:
         names = ()
-    return _Chosen(names, tuple(raw.labels[part] for part in ignored), unwrap, udim), mesh
+    stacked = [part for part in labelled if part in candidates and part not in kept and area[part] > least]
+    ignore, left = (tuple(raw.labels[part] for part in parts) for parts in (ignored, stacked))
+    return _Chosen(names, ignore, unwrap, udim, left), mesh
 
 
 def _kind(names: Sequence[str]) -> str:
@@ -151,9 +157,17 @@ def _kind(names: Sequence[str]) -> str:
     words = re.split(r"[^a-z]+|(?<=[a-z])(?=[A-Z])", text)
     if any(word in text for word in IGNORED):
         return "ignore"
-    if any(word in text for word in SKIN_AFTER_ALL if word != "ear" or "ear" in words):
+    grows = any(word in text for word in ON_SKIN)
+    if not grows and any(word in text for word in SKIN_AFTER_ALL if word != "ear" or "ear" in words):
         return "skin"
     return "cast" if any(word in text for word in CASTING) else "skin"
+
+
+def _is_face(names: Sequence[str]) -> bool:
+    """Whether a part seems to be the face, and nothing that lies on it."""
+    text = " ".join(names)
+    words = {word.lower() for word in re.split(r"[^A-Za-z]+|(?<=[a-z])(?=[A-Z])", text)}
+    return FACE in words and not any(word in text.lower() for word in CASTING)
 
 
 def _texels(raw: RawMesh, part: int) -> dict[int, NDArray[np.bool_]]:
@@ -199,6 +213,13 @@ def _about(raw: RawMesh, mesh: SkinMesh, chosen: _Chosen) -> list[str]:
             role = "skin" if label in chosen.skin or not chosen.skin else "cast"
             role = "ignore" if label in chosen.ignore else role
             lines.append(f"#   {role:<6} {label} ({count} triangles)")
+    if chosen.stacked:
+        lines.append(
+            f"# {', '.join(chosen.stacked)}: skin, too, but with UVs where other skin has its own. Name it under"
+        )
+        lines.append(
+            "# mesh.skin in a look of its own; or, if no maps are painted, all here, with texture.unwrap: xatlas."
+        )
     if chosen.unwrap:
         lines.append("# UVs are made anew (texture.unwrap): there are none, or charts lie on one another.")
     return lines

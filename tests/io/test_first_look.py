@@ -79,6 +79,25 @@ def test_it_bakes_as_it_stands(tmp_path, capsys):
     assert (tmp_path / "out" / "me" / "lobe_0.exr").is_file()
 
 
+def test_the_face_goes_before_larger_skin_that_lies_on_its_uvs(tmp_path):
+    """As where face, back of head and sockets have a texture each: it bakes, and the others are named."""
+    lines = list[str]()
+    for number, (name, size, z) in enumerate(
+        [("HeadAndNeck", 24, -9), ("MyFace", 20, 0), ("EyeSocketLeft", 2, -1), ("FaceHair", 22, 3), ("Teeth", 3, -2)]
+    ):
+        corners = [(-size / 2, -size / 2), (size / 2, -size / 2), (size / 2, size / 2), (-size / 2, size / 2)]
+        lines += [f"g {name}", *(f"v {x} {y} {z}" for x, y in corners), "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+        lines.append("f " + " ".join(f"{4 * number + k}/{4 * number + k}" for k in (1, 2, 3, 4)))
+    (tmp_path / "ict.obj").write_text("\n".join(lines))
+    spec = started(tmp_path, "ict.obj")
+    assert spec.mesh.skin == ("MyFace",)
+    assert spec.texture.unwrap == "none"
+    text = (tmp_path / "me.yaml").read_text()
+    assert "# HeadAndNeck: skin, too, but with UVs where other skin has its own." in text
+    small = ["--set", "texture.size=32", "--set", "texture.gutter=2", "--set", "diffusion.tolerance=0.3"]
+    assert run(["bake", str(tmp_path / "me.yaml"), "--quiet", "--no-preview", *small]) == 0
+
+
 @pytest.mark.parametrize(
     ("size", "wanted"), [(240.0, "mm"), (24.0, "cm"), (0.24, "m"), (9.4, "inch"), (1.75, "m"), (7e4, None)]
 )
