@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from skinbake.io.mesh import write_obj
 from skinbake.io.png import write_png
 from skinbake.scene.frames import frame_numbers
 from tests.cli.test_batch import Here
+from tests.conftest import ROOT
 from tests.shapes import relief
 
 LOOK = """\
@@ -135,3 +139,25 @@ def test_a_sequence_that_does_not_move_is_refused(folder, capsys):
     assert run(["batch", str(folder / "many.yaml"), "--quiet"]) == 2
     assert "frames: expected in a look of its own" in capsys.readouterr().err
     assert frames_of(folder / "look.yaml", ["frames=1-2"]) == (1, 2)
+
+
+@pytest.mark.slow  # starts a cluster of two processes, each of which imports everything
+def test_a_sequence_on_a_cluster_of_its_own(folder):
+    """`batch --dask local` leaves what baking one frame after another does, and takes up what is there."""
+    pytest.importorskip("distributed", reason="the extra `farm` is not installed")
+    command = [sys.executable, "-m", "skinbake", "batch", "look.yaml", "--dask", "local", "-j", "2"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"}
+
+    def farmed(*more):
+        subprocess.run(
+            [*command, "--no-preview", "--quiet", *more], cwd=folder, env=environment, check=True, timeout=180
+        )
+        report = json.loads((folder / "out" / "batch.json").read_text())
+        return [(job["name"], job["status"]) for job in report["jobs"]]
+
+    assert farmed() == [("0003", "done"), ("0004", "done"), ("0005", "done")]
+    found = [(folder / "out" / name / "lobe_1.exr").read_bytes() for name in ("0003", "0004", "0005")]
+    jobs(folder, "bake", "--out", str(folder / "out"), "--force")
+    assert [(folder / "out" / name / "lobe_1.exr").read_bytes() for name in ("0003", "0004", "0005")] == found
+    write_png(folder / "skin.0005.png", np.full((4, 4, 3), 9, np.uint8))
+    assert farmed() == [("0003", "fresh"), ("0004", "fresh"), ("0005", "done")]
