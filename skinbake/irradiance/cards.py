@@ -51,6 +51,16 @@ class Cards:
         """
         return self.transmitted(origin, direction, reach) <= _chance(origin, direction)
 
+    def met(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Whether each ray meets a card, were it only where that lets all light pass, shape (n,).
+
+        Parameters
+        ----------
+        origin, direction, reach
+            As of `blocked`; one direction serves all rays.
+        """
+        return np.asarray(self._scene.run(origin, direction, reach, query="OCCLUDED") != -1)
+
     def transmitted(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.float32]:
         """Share of light that passes all cards along each ray, shape (n,): a card of opacity a lets 1 - a pass.
 

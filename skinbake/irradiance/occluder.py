@@ -135,6 +135,25 @@ class Occluder:
         rays = rays[clear] if len(rays) > 1 else np.repeat(rays, len(clear), axis=0)
         answer[clear] = self._cards.transmitted(origin[clear], rays, reach[clear])
 
+    def behind_cards(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Whether each ray meets something that lets light pass in places, wherever it does so, shape (n,).
+
+        Parameters
+        ----------
+        origin, direction, reach
+            As of `occluded`.
+        """
+        answer = np.zeros(len(origin), np.bool_)
+        if self._cards is None:
+            return answer
+        cards = self._cards
+
+        def ask(part: slice) -> None:
+            answer[part] = cards.met(origin[part], direction[part] if len(direction) > 1 else direction, reach[part])
+
+        for_slices(ask, len(origin), BATCH)
+        return answer
+
     def first_hit(
         self, origin: Vectors, direction: Vectors
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:

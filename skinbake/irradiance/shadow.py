@@ -25,7 +25,8 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
     Coarse to fine: one ray in every second texel of every second row; then in the texels between, unless all of the
     first ones within two texels agree; then `EDGE_GRID`^2 rays in every texel that differs from one of its eight
     neighbours. An edge is thus resolved to a sixteenth of a texel, and only a feature narrower than two texels, with
-    none of its edges seen anywhere near, can be missed.
+    none of its edges seen anywhere near, can be missed. Texels behind cards of hair have all of these rays, for strands
+    are narrower than texels.
 
     Parameters
     ----------
@@ -52,6 +53,11 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
     trace(np.flatnonzero(unknown))
 
     parallel_for(_differs, height, lit, facing, differs)
+    if occluder.has_cards:
+        texels = np.flatnonzero(facing)
+        for start in range(0, len(texels), CHUNK):
+            part = texels[start : start + CHUNK]
+            differs.reshape(-1)[part] |= occluder.behind_cards(*_rays(source, surface.origins(part)))
     edges = np.flatnonzero(differs)
     refined = np.empty(len(edges), np.float32)
     step = CHUNK // EDGE_GRID**2
@@ -66,12 +72,16 @@ def visibility(surface: TexelSurface, occluder: Occluder, source: Float, facing:
 
 def _clear(occluder: Occluder, source: Float, origin: Image) -> NDArray[Any]:
     """Share of the light that reaches each origin (n, 3), shape (n,)."""
+    return occluder.unhindered(*_rays(source, origin))
+
+
+def _rays(source: Float, origin: Image) -> tuple[Image, Image, NDArray[np.float32]]:
+    """Origins (n, 3), directions to the light (n, 3) or (1, 3), and distances (n,) of rays, as `Occluder` has them."""
     if source[0] == DIRECTIONAL:
-        direction, reach = source[None, 1:4].astype(np.float32), np.full(len(origin), np.inf, np.float32)
-    else:
-        direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
-        parallel_for(aim, len(origin), source, origin, direction, reach)
-    return occluder.unhindered(origin, direction, reach)
+        return origin, source[None, 1:4].astype(np.float32), np.full(len(origin), np.inf, np.float32)
+    direction, reach = np.empty_like(origin), np.empty(len(origin), np.float32)
+    parallel_for(aim, len(origin), source, origin, direction, reach)
+    return origin, direction, reach
 
 
 @kernel

@@ -141,3 +141,17 @@ def test_strands_two_texels_apart_are_not_missed():
     (found,) = light_texels(rasterize(mesh, (32, 32), 1), mesh, SkinMaps(), [light])
     wanted = np.broadcast_to(np.tile([1, 1, 0, 0], 8), (32, 32))
     np.testing.assert_array_equal(found.visibility[0][2:-2, 2:-2], wanted[2:-2, 2:-2])
+
+
+@pytest.mark.parametrize("kind", ["directional", "point"])
+def test_strands_narrower_than_a_texel_shade_their_share(kind):
+    """Four stripes a texel: half of the light arrives, though the middles of all texels see the same."""
+    stripes = np.array([[1, 0]])
+    mesh = replace(SKIN, casters=card(2.0, stripes, repeat=32.0))
+    keys = {"direction": [0, 0, -1], "irradiance": [1, 1, 1]}
+    if kind == "point":
+        keys = {"position_mm": [50, 50, 1e5], "intensity": [1, 1, 1]}
+    light = TypeAdapter(LightSpec).validate_python({"name": "k", "type": kind, **keys})
+    (found,) = light_texels(rasterize(mesh, (16, 16), 1), mesh, SkinMaps(), [light])
+    whole = np.eye(16)[::-1] == 0  # on the diagonal all rays of a texel start in one triangle, so unevenly
+    np.testing.assert_allclose(found.visibility[0][whole], 0.5, atol=1e-6)
