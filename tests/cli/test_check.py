@@ -109,6 +109,23 @@ def test_maps_count_in_the_memory(tmp_path, capsys):
     assert needed[1] - needed[0] == pytest.approx(8192**2 * 5 / 2**20, abs=1)
 
 
+def test_a_sky_counts_in_the_memory(tmp_path, capsys):
+    """A picture of 4096 x 2048 half floats: as stored, and as float32, while it is read."""
+    path = look(tmp_path, quad(240.0, 120.0))
+    save(tmp_path / "sky.exr", np.ones((2048, 4096, 3), np.float16))
+    needed = []
+    for keys in ("radiance: [1, 1, 1]", "path: sky.exr"):
+        sky = f"{{name: sky, type: environment, shadows: false, {keys}}}"
+        (tmp_path / "look.yaml").write_text(
+            LOOK.format(mesh=tmp_path / "mesh.obj", out=tmp_path / "out").replace(
+                "}]\noutput", f"}}, {sky}]\noutput", 1
+            )
+        )
+        assert run(["check", path, "--json"]) == 0
+        needed.append(json.loads(capsys.readouterr().out)["expected"]["memory_mib"])
+    assert 2048 * 4096 * 3 * 4 / 2**20 < needed[1] - needed[0] < 2048 * 4096 * 3 * 16 / 2**20
+
+
 def test_a_texture_that_no_machine_holds_is_refused_before_it_is_rasterised(tmp_path, capsys, monkeypatch):
     """With what it would need, exit 3."""
     monkeypatch.setattr("os.sysconf", lambda name: 1 << 10)  # a megabyte in all
