@@ -18,6 +18,8 @@ from tests.cli.test_batch import BATCH, digests
 from tests.conftest import ROOT
 from tests.shapes import relief
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 pytest.importorskip("distributed", reason="the extra `farm` is not installed")
 
 CLIENT = """
@@ -83,7 +85,6 @@ def lines(log):
     return [line.split() for line in log.read_text().splitlines()] if log.exists() else []
 
 
-@pytest.mark.slow
 def test_a_lost_worker_s_job_is_taken_up_by_another(tmp_path, cluster):
     """Two workers, one killed in the middle of its job: every job ends once, and all results arrive."""
     address, workers = cluster
@@ -106,7 +107,6 @@ def test_a_lost_worker_s_job_is_taken_up_by_another(tmp_path, cluster):
     assert ["job0", "stage"] in found["events"]
 
 
-@pytest.mark.slow
 def test_a_batch_on_a_farm_leaves_what_one_on_this_machine_does(tmp_path, cluster):
     """Real bakes through the verb; a worker is killed while it holds a folder: the same bytes, nothing half-written."""
     address, workers = cluster
@@ -138,7 +138,6 @@ def test_a_batch_on_a_farm_leaves_what_one_on_this_machine_does(tmp_path, cluste
     assert not list((tmp_path / "farm").rglob("*.part*"))
 
 
-@pytest.mark.slow
 def test_a_worker_of_other_code_is_told_and_given_no_job(tmp_path):
     """Before any worker is there that is waited for; the one that fits does everything, also as it joins last."""
     shutil.copytree(ROOT / "skinbake", tmp_path / "old" / "skinbake", ignore=shutil.ignore_patterns("__pycache__"))
@@ -210,7 +209,6 @@ def ssh():
         thread.join()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("who", ["nobody", "ssh"])
 def test_no_scheduler_is_told(tmp_path, ssh, who):
     """The message says how to start one, also where another protocol answers."""

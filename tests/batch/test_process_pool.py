@@ -10,6 +10,8 @@ from skinbake.kernels.threads import processors
 from tests.batch.fake_jobs import work
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 
 def run(payloads, workers=2, retries=0, keep_going=True):
     events = []

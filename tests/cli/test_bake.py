@@ -151,6 +151,7 @@ def test_stages_that_have_not_changed_are_not_run_again(scene):
     assert fresh[()] == digests(bake(look, "--force"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tiles", "name"), [(1, "irradiance.exr"), (2, "irradiance.exr"), (2, "irradiance.1002.exr")])
 def test_each_stage_runs_alone_on_files(scene, tiles, name):
     """irradiance, then diffuse on its file or on any of its tiles, is what bake does in one go."""

@@ -98,6 +98,7 @@ def test_tiles_without_a_map_are_named(tmp_path, capsys):
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_maps_count_in_the_memory(tmp_path, capsys):
     """A map of 8192 x 8192 grey texels, five bytes each while it is read."""
     path = look(tmp_path, quad(240.0, 120.0))

@@ -32,6 +32,7 @@ def bake(tmp_path):
     return made
 
 
+@pytest.mark.slow
 def test_two_bakes_are_compared_lobe_by_lobe(bake, tmp_path, capsys):
     """The same twice is the same; a brighter key differs in its own parts and in the sums, not in the lamp's."""
     a, b = bake("a"), bake("b", "--set", "lights.key.irradiance=[2, 4, 6]")

@@ -12,6 +12,8 @@ from skinbake.preview.setup_gl import renderer_name
 from tests.cli.test_faults import contents
 from tests.shapes import quad
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 LOOK = """\
 mesh: {path: mesh.obj, unit: mm}
 texture: {size: 16}
@@ -67,7 +69,6 @@ def test_a_damaged_header_is_made_anew(bake, tmp_path, file, attribute, old, new
     assert bake("--no-preview") == want
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("damaged", ["", "5", "[[[", '{"key": []}', "[" * 20000, "null"])
 def test_a_damaged_fit_is_made_anew(bake, tmp_path, damaged):
     """Of every kind."""
@@ -83,7 +84,6 @@ def test_a_damaged_fit_is_made_anew(bake, tmp_path, damaged):
                 break
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("note", [b"", b"\xff\xfe", b"one", b"a b c d", b"\0" * 100])
 def test_a_damaged_note_of_the_picture_is_written_anew(bake, tmp_path, note):
     """`.preview` says what the picture was drawn of; else it is drawn again."""

@@ -24,6 +24,8 @@ from skinbake.io.png import write_png
 from tests.conftest import ROOT
 from tests.shapes import relief
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 LOOK = """\
 mesh: {path: mesh.obj, unit: mm, any_size: true}
 texture: {size: [52, 48], gutter: 4}
@@ -89,7 +91,6 @@ def check_whole(folder):
         )
 
 
-@pytest.mark.slow
 def test_a_bake_killed_at_random_times_ends_in_the_same_bytes(bakes):
     """Killed at any moment, in a new folder or in the middle of a change: the clean rerun is as one left alone."""
     undisturbed = bakes(out=bakes.folder / "alone")
@@ -114,7 +115,6 @@ def test_a_bake_killed_at_random_times_ends_in_the_same_bytes(bakes):
         assert contents(bakes.out) == want, f"after kill {killed}"
 
 
-@pytest.mark.slow
 def test_a_bake_killed_before_any_step_on_the_disk_ends_in_the_same_bytes(bakes):
     """Each fsync, rename and removal in turn is the one that is never made, when the folder holds another look."""
     undisturbed = bakes(out=bakes.folder / "alone")
@@ -133,7 +133,6 @@ def test_a_bake_killed_before_any_step_on_the_disk_ends_in_the_same_bytes(bakes)
         assert contents(bakes.out) == want, f"step {step} of {steps}"
 
 
-@pytest.mark.slow
 def test_two_bakes_of_one_folder_take_turns(bakes):
     """The second waits for the lock, finds everything done, and both end well."""
     command = [sys.executable, "-m", "skinbake", "bake", str(bakes.folder / "look.yaml"), "--no-preview"]
@@ -159,7 +158,6 @@ def mounted(folder, options):
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="mounts a tmpfs")
 @pytest.mark.parametrize("kib", [24, 80, 140])
 def test_a_full_disk_is_told_and_survived(bakes, kib):
@@ -258,7 +256,6 @@ def test_an_input_changed_while_it_is_read_is_refused(bakes, monkeypatch):
         look.scene()
 
 
-@pytest.mark.slow
 def test_a_cut_file_is_made_anew(bakes):
     """A copy that went wrong is not taken for a finished stage."""
     assert bakes()["code"] == 0

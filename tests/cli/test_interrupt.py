@@ -19,6 +19,8 @@ from tests.cli.test_faults import LOOK, contents
 from tests.conftest import ROOT
 from tests.shapes import relief
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 STOPS = int(os.environ.get("SKINBAKE_STOPS", "0"))  # of each verb; `make faults` asks for 34
 LIMIT_S = 2.0
 BATCH = """\

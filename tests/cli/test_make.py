@@ -16,7 +16,7 @@ from tests.cli.test_batch import BATCH
 from tests.conftest import ROOT
 from tests.shapes import relief
 
-pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")]
 
 LOOK = (
     BATCH.partition("matrix:")[0].replace("defaults:\n", "").replace("\n  ", "\n").removeprefix("  ")
@@ -102,7 +102,6 @@ def test_what_no_rule_can_quote_is_refused(tmp_path, name):
         make_name(tmp_path / name)
 
 
-@pytest.mark.slow
 def test_only_what_is_stale_is_made(project):
     """A stage at a time, then nothing; a touched look is read and nothing is run; a changed mesh is."""
     said, _ = project("out/tiny/irradiance.exr")
@@ -122,7 +121,6 @@ def test_only_what_is_stale_is_made(project):
     assert "up to date" in project("out/tiny/bake.json")[0]
 
 
-@pytest.mark.slow
 def test_looks_of_a_batch_are_targets_and_can_be_made_side_by_side(project):
     """`make -j2` of two looks, then `make -j2 batch` for the rest."""
     targets = [f"out/looks/{name}/bake.json" for name in ("thin-day", "thick-day")]
@@ -134,7 +132,6 @@ def test_looks_of_a_batch_are_targets_and_can_be_made_side_by_side(project):
     assert (project.folder / "out" / "looks" / "batch.png").stat().st_size > 1000
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["elsewhere", "my dir", "it's $(here)"])
 def test_a_preview_follows_the_look_s_own_folder(project, folder):
     """`make bake CONFIG=x`, then `make preview CONFIG=x`: what that bake left, wherever the look and its output lie."""

@@ -11,6 +11,8 @@ from skinbake.io.exr import read_parts
 from skinbake.preview.setup_gl import renderer_name
 from tests.preview.bakes import write_bake
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 
 @pytest.fixture(scope="module")
 def bake(tmp_path_factory):

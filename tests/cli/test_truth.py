@@ -10,6 +10,8 @@ from skinbake.io.mesh import write_obj
 from skinbake.io.truth import WALKS, read_walks, write_walks
 from tests.shapes import quad, sphere
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 LOOK = """\
 mesh: {path: ball.obj, unit: mm, any_size: true}
 texture: {size: 64, gutter: 2}
@@ -31,7 +33,6 @@ def look(tmp_path):
     return tmp_path / "look.yaml"
 
 
-@pytest.mark.slow
 def test_a_ball_is_compared_and_taken_up_where_it_stopped(look, capsys):
     """truth.json has a record for each point and light, the manifest the distance; a second run walks no more."""
     command = ["truth", str(look), "--points", "16", "--walks", "96", "--json", "--quiet"]

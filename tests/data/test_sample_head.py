@@ -261,6 +261,7 @@ def test_normals_are_unit_and_lean_little():
     assert np.abs(n[texels_near((0, 80, 100), 70)].mean(0)[:2]).max() < 0.01
 
 
+@pytest.mark.slow
 def test_maps_are_defined_past_the_charts():
     """Eight texels outside a chart the albedo still looks like the skin at its border, not like the background."""
     albedo = linear("albedo.png")

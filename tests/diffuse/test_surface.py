@@ -178,6 +178,7 @@ def test_a_light_alone_gives_the_same_bytes_as_in_a_group():
         np.testing.assert_array_equal(alone[0], together[k])
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_the_number_of_threads():
     """One thread and two."""
     code = (

@@ -22,6 +22,8 @@ from skinbake.preview.setup_gl import renderer_name
 from skinbake.preview.views import tone_map
 from tests.export.browser import Browser
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 SIZE = (120, 150)
 VIEWS = ("front", "left", "three-quarter-right", "back")
 MODES = ("full", "diffuse", "specular", "none", "lobe:1")

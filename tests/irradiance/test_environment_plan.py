@@ -93,6 +93,7 @@ def test_a_small_blocker_is_left_out_only_while_it_is_small():
     assert plan(small, sky()).samples == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.03, 0.01, 0.004])
 def test_shadowed_light_is_within_the_tolerance(tolerance):
     """Rms error of the light on a lid over a plate, against 4096 directions everywhere, is within what was asked."""

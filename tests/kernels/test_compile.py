@@ -12,6 +12,8 @@ from numba.extending import is_jitted
 from skinbake.kernels.compile import fingerprint
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 LIBRARY = '''
 from typing import NamedTuple
 import numpy as np
@@ -145,7 +147,6 @@ def entries(cache):
     return sorted(cache.glob("*-*"))
 
 
-@pytest.mark.slow
 def test_two_copies_of_the_code_share_the_machine_code(tmp_path):
     """Whichever folder they lie in; types of arguments have entries of their own."""
     cache = tmp_path / "cache"
@@ -168,7 +169,6 @@ def test_fields_of_named_tuples_are_told_apart(tmp_path):
         assert python(RUN.format(x=1.0).replace("1.0, 5.0", "a=1.0, b=5.0"), tmp_path, cache)[1] == "7.0"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "damage", [lambda b: b"", lambda b: b[: len(b) // 2], lambda b: b[:99] + bytes([b[99] ^ 1]) + b[100:]]
 )
@@ -183,7 +183,6 @@ def test_a_damaged_entry_is_compiled_anew(tmp_path, damage):
     assert python(RUN.format(x=1.0), tmp_path, cache) == ["4.0", "7.0", "0", "0"]
 
 
-@pytest.mark.slow
 def test_processes_at_once_leave_whole_entries(tmp_path):
     """Each compiles what it does not find, and what the last one wrote serves everybody."""
     (tmp_path / "library.py").write_text(LIBRARY)

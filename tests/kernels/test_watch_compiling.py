@@ -9,6 +9,8 @@ import pytest
 
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 LIBRARY = """
 from skinbake.kernels.compile import kernel
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 ROOT = Path(__file__).parents[2]
 
 DRIVE = """

@@ -68,6 +68,7 @@ def test_a_face_that_refracts_gives_the_totals_of_the_layered_walks():
     agree(got, np.hypot(stderr, photons.total_stderr), photons.total_reflectance[None])
 
 
+@pytest.mark.slow
 def test_forward_scattering_gives_the_totals_of_the_layered_walks():
     """Henyey-Greenstein with g = 0.8 and an index ratio: phase function in the walk and towards the light."""
     mesh = box([-200, -200, -200], [200, 200, 0])
@@ -97,6 +98,7 @@ def test_a_shadow_edge_on_a_slab_is_the_integral_of_its_profile():
     agree(got, np.hypot(stderr, 0.006 * want), want, floor=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("eta", [1.0, 1.4])
 def test_a_ball_of_20_mm_shines_as_photons_that_go_the_other_way_say(eta):
     """A sun on a ball: mean light that leaves each of six zones, from the lit pole to the dark side."""

@@ -11,6 +11,8 @@ from skinbake.baking.stage_log import StageLog, in_words
 from skinbake.io.mesh import unwrap, xatlas_layout
 from tests.shapes import relief
 
+pytestmark = pytest.mark.slow  # processes, waits, or many bakes
+
 
 @pytest.fixture
 def large(monkeypatch, tmp_path):
