@@ -99,7 +99,7 @@ def test_normals_count_alike_in_tangent_and_in_object_space():
 
 
 def test_the_tolerance_decides_and_is_shared():
-    """The coarsest size within its part of the tolerance; what is left, as squares, is the blur's."""
+    """The coarsest size within its part of the tolerance; what is left, as squares, is for the blur and two terms."""
     mesh, maps = quad(MM, MM), SkinMaps(albedo={1001: speckled(0.4)})
     (lost,) = detail_lost(look(), mesh, maps, SKIN)
     above, below = (choose_size(look(t), mesh, maps, SKIN) for t in (lost / 0.84, lost / 0.86))
@@ -110,7 +110,7 @@ def test_the_tolerance_decides_and_is_shared():
     assert "1024 x 1024 of 1024 x 1024: 512 x 512 loses" in below.decision.why
     worked = at_size(look(lost / 0.84), above)
     assert worked.texture.size == (512, 512)
-    assert np.hypot(worked.diffusion.tolerance, lost) == pytest.approx(lost / 0.84)
+    assert np.sqrt(3 * worked.diffusion.tolerance**2 + lost**2) == pytest.approx(lost / 0.84)
     assert at_size(look(lost / 0.86), below) == look(lost / 0.86)
 
 

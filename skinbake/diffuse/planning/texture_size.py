@@ -25,8 +25,9 @@ from skinbake.scene.spec import SceneSpec
 TIGHT = 0.01  # whoever asks for this, which is the default, or less gets the size that he asks for
 SMALLEST = 512  # texels of the shorter side that are never gone below
 MOST_HALVINGS = 2
-SHARE = 0.85  # of the tolerance that the size may take; the blur has what is left, as a root of squares
+SHARE = 0.85  # of the tolerance that the size may take; the rest is left to others, as a root of squares
 EDGES_PER_MM = 0.012  # rms that edges of light lose a millimetre of texel; two suns on two heads: 0.009 and 0.012
+_OTHERS = 3
 _PATCHES, _SIDE = 96, 64
 _LIGHT_DEG = 50.0  # from the normal: the mean of what lights a curved skin, weighed by what it brings
 
@@ -90,10 +91,14 @@ def choose_size(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
 
 
 def at_size(spec: SceneSpec, size: TextureSize) -> SceneSpec:
-    """The look at another size, and with the tolerance that is left: what adds up by chance adds up as squares."""
+    """The look at another size, and with the tolerance that is left.
+
+    Errors that know nothing of each other add up as squares. The blur, incidence and light from skin to skin may each
+    take what the tolerance says, so that each gets a third of the square that is left.
+    """
     if size.size == spec.texture.size:
         return spec
-    left = float(np.sqrt(spec.diffusion.tolerance**2 - size.lost**2))
+    left = float(np.sqrt((spec.diffusion.tolerance**2 - size.lost**2) / _OTHERS))
     texture = spec.texture.model_copy(update={"size": size.size, "reduce": "off"})
     diffusion = spec.diffusion.model_copy(update={"tolerance": left})
     return spec.model_copy(update={"texture": texture, "diffusion": diffusion})
