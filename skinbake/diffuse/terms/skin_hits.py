@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, tile_origin, tiles_of
+from skinbake.atlas import AtlasRaster, local_uv, tile_of_face, tiles_of
+from skinbake.atlas.texel_coordinates import texel_xy
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.shadow_origin import SubdividedMesh, facet_point, point_of
 from skinbake.kernels.compile import kernel
@@ -128,11 +129,12 @@ def locate_hits(
         child[met].astype(np.int64), b1[met].astype(np.float64), b2[met].astype(np.float64), occluder.subdivided.levels
     )
     uv = np.einsum("nk,nki->ni", np.stack([1 - c1 - c2, c1, c2], axis=1), mesh.corner_uv[face])
-    cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(np.int64)
+    owner = tile_of_face(mesh)[face] if udim else None
     for k, number in enumerate(tiles_of(mesh, udim)):
-        u0, v0 = tile_origin(number)
-        mine = np.flatnonzero((cell[face] == [u0, v0]).all(axis=1)) if udim else np.arange(len(met))
-        col = np.clip(((uv[mine, 0] - u0) * size[0]).astype(np.int64), 0, size[0] - 1)
-        row = np.clip(((v0 + 1 - uv[mine, 1]) * size[1]).astype(np.int64), 0, size[1] - 1)
+        mine = np.arange(len(met)) if owner is None else np.flatnonzero(owner == number)
+        local = local_uv(uv[mine], number)
+        x, y = texel_xy(local[:, 0], local[:, 1], size[1], size[0])
+        col = np.clip(x.astype(np.int64), 0, size[0] - 1)
+        row = np.clip(y.astype(np.int64), 0, size[1] - 1)
         tile[met[mine]], texel[met[mine]] = k, row * size[0] + col
     return tile, texel

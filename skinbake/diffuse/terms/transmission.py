@@ -11,7 +11,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster, face_mm_per_texel, interpolate, rasterize, tile_origin, tiles_of
+from skinbake.atlas import (
+    FIRST_TILE,
+    AtlasRaster,
+    face_mm_per_texel,
+    interpolate,
+    local_uv,
+    rasterize,
+    tile_of_face,
+    tiles_of,
+)
 from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
@@ -220,11 +229,10 @@ def _gather(
     """Weighted sum of the lobes at places (n) of the texture, each light apart, shape (L, n, 3)."""
     out = np.zeros((len(diffused.lights), len(face), 3), np.float32)
     lit = weight.any(axis=(1, 2)) & (face >= 0)
-    cell = np.floor(mesh.corner_uv.mean(axis=1)).astype(np.int64)
-    of_face = 1001 + cell[:, 0] + 10 * cell[:, 1] if udim else np.full(len(mesh.faces), 1001)
+    of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
     for tile in tiles_of(mesh, udim):
         pick = np.flatnonzero(lit & (of_face[face] == tile))
-        local = uv[pick] - np.asarray(tile_origin(tile))
+        local = local_uv(uv[pick], tile)
         for i, lobe in enumerate(diffused.lobes):
             image = np.asarray(lobe.rgb[tile], np.float32)
             parallel_for(_add_bilinear, len(pick), image, local, pick, np.ascontiguousarray(weight[:, i]), out)
