@@ -128,6 +128,8 @@ def read_stored(
         if source.format_name() == "hdr":
             said = read_radiance_header(path)
             found = said.upright(found)
+            if said.applied != (1.0, 1.0, 1.0):  # the file's pixels are radiance times that
+                found = (found / np.array(said.applied)).astype(np.float32)
             if said.chromaticities:
                 attributes |= {"chromaticities": said.chromaticities}
     pixels = found if chosen == tuple(range(low, high)) else np.ascontiguousarray(found[..., [i - low for i in chosen]])

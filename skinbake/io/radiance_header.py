@@ -28,11 +28,15 @@ class RadianceHeader:
         right).
     chromaticities : tuple of 8 floats or None
         Where colours are other than Radiance's usual ones, which everybody takes for Rec.709.
+    applied : tuple of floats
+        By what the pixels have been multiplied since they were radiance, channel by channel: EXPOSURE and COLORCORR,
+        each as often as the header has it.
     """
 
     slow: str
     fast: str
     chromaticities: tuple[float, ...] | None
+    applied: tuple[float, ...] = (1.0, 1.0, 1.0)
 
     def upright(self, pixels: NDArray[Any]) -> NDArray[Any]:
         """Pixels (rows, columns, c) as they were read, turned so that row 0 is on top and column 0 on the left."""
@@ -48,16 +52,20 @@ def read_radiance_header(path: Path) -> RadianceHeader:
     Raises
     ------
     InputError
-        There is no resolution line.
+        There is no resolution line, or a line of numbers holds something else.
     """
     with open(path, "rb") as file:
         lines = file.read(_LARGEST).split(b"\n")
     chromaticities: tuple[float, ...] | None = None
+    applied = np.ones(3)
     for i, line in enumerate(lines):
         found = _RESOLUTION.match(line)
         if found and found[2] != found[5] and i > 0 and not lines[i - 1]:
             slow, fast = (found[1] + found[2]).decode(), (found[4] + found[5]).decode()
-            return RadianceHeader(slow, fast, chromaticities)
+            return RadianceHeader(slow, fast, chromaticities, tuple(applied.tolist()))
+        for name, count in ((b"EXPOSURE=", 1), (b"COLORCORR=", 3)):
+            if line.startswith(name):
+                applied *= _factors(path, line, len(name), count)
         if line.startswith(b"FORMAT=") and b"xyze" in line:
             chromaticities = XYZ
         elif line.startswith(b"PRIMARIES=") and chromaticities is None:
@@ -69,3 +77,28 @@ def read_radiance_header(path: Path) -> RadianceHeader:
             if len(numbers) != 8:
                 raise InputError(f"{path}: expected PRIMARIES of eight numbers, got {line[:80].decode('latin-1')}")
     raise InputError(f"{path}: expected a resolution line such as -Y 512 +X 1024, found none")
+
+
+def _factors(path: Path, line: bytes, begin: int, count: int) -> NDArray[np.float64]:
+    """Positive numbers of a line of the header, from byte `begin` on.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    line : bytes
+    begin, count : int
+
+    Raises
+    ------
+    InputError
+        There are not `count` of them.
+    """
+    try:
+        found = np.array([float(word) for word in line[begin:].split()])
+    except ValueError:
+        found = np.zeros(0)
+    if len(found) != count or not (np.isfinite(found) & (found > 0)).all():
+        said = line[:80].decode("latin-1")
+        raise InputError(f"{path}: expected {count} number(s) above 0 after {line[: begin - 1].decode()}, got {said}")
+    return found

@@ -45,6 +45,19 @@ def test_colours_that_are_not_the_usual_ones(tmp_path):
     assert read_stored(named).attributes["chromaticities"] == (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
 
 
+def test_exposures_and_corrections_are_undone(tmp_path):
+    """Pixels were multiplied by them, once a line; one that is no number is told."""
+    said = "FORMAT=32-bit_rle_rgbe\nEXPOSURE=2.0\nEXPOSURE= 4\nCOLORCORR= 1 2 .5"
+    path = radiance_file(tmp_path / "sky.hdr", IMAGE, "-Y 4 +X 8", said)
+    np.testing.assert_allclose(read_stored(path).pixels, IMAGE / [8, 16, 4], rtol=0.02)
+    for wrong in ("EXPOSURE=bright", "EXPOSURE=0", "COLORCORR=1 1", "EXPOSURE=nan"):
+        path = radiance_file(tmp_path / "b.hdr", IMAGE, "-Y 4 +X 8", f"FORMAT=32-bit_rle_rgbe\n{wrong}")
+        with pytest.raises(
+            InputError, match=r"b\.hdr: expected [13] number\(s\) above 0 after (EXPOSURE|COLORCORR), got"
+        ):
+            read_stored(path)
+
+
 def test_a_damaged_header_is_refused(tmp_path):
     """By what was expected."""
     path = tmp_path / "sky.hdr"
