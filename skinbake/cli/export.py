@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from skinbake.cli.options import bake_folder, quiet_option
+from skinbake.cli.options import Output, bake_folder, quiet_option
 
 
 @click.command("export")
 @click.argument("folder", type=click.Path())
-@click.option("--to", type=click.Path(), required=True, help="Folder to write to; made where there is none.")
+@click.option("--to", type=Output(), required=True, help="Folder to write to; made where there is none.")
 @click.option("--sum", "summed", is_flag=True, help="sum.exr and sum.png: the light that leaves the skin, added up.")
 @click.option("--layers", is_flag=True, help="Each texture as an EXR of one part, channels R G B.")
 @click.option("--gltf", is_flag=True, help="skin.glb: the head with its light, for any viewer.")
@@ -35,8 +35,6 @@ def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, web: b
 
     if not (summed or layers or gltf or web):
         raise InputError("export: expected one or more of --sum, --layers, --gltf and --web, got none")
-    if not to:
-        raise InputError("--to: expected a folder, got an empty name")
     folder = bake_folder(folder)
     folder = str(Path(folder).parent) if Path(folder).name == MANIFEST else folder
     if not Path(folder).is_dir():

@@ -14,7 +14,7 @@ from scipy.fft import rfft2
 
 from skinbake.atlas import Tiled, local_uv, signed_uv_area, tile_of_face
 from skinbake.atlas.texel_coordinates import texel_xy
-from skinbake.bilinear import read_bilinear
+from skinbake.bilinear import magnify_bilinear, read_bilinear
 from skinbake.numerics import Float, normalized
 from skinbake.profile import GaussianSum
 from skinbake.scene.decision import Decision
@@ -207,13 +207,9 @@ def _coarse(light: NDArray[np.float32], side: int) -> NDArray[np.float32]:
     """Light averaged over squares of texels and read back bilinearly, (K, S, S, 3)."""
     count = _SIDE // side
     means = light.reshape(_PATCHES, count, side, count, side, 3).mean(axis=(2, 4))
-    place = np.clip((np.arange(_SIDE) + 0.5) / side - 0.5, 0, count - 1)
-    low = np.minimum(place.astype(np.int64), count - 2)
-    share = (place - low).astype(np.float32)
-    for axis in (1, 2):
-        part = share.reshape([-1 if a == axis else 1 for a in range(4)])
-        means = means.take(low, axis) * (1 - part) + means.take(low + 1, axis) * part
-    return means
+    # All patches side by side as the channels of one image
+    read = magnify_bilinear(means.transpose(1, 2, 0, 3).reshape(count, count, -1), (_SIDE, _SIDE))
+    return read.reshape(_SIDE, _SIDE, _PATCHES, 3).transpose(2, 0, 1, 3)
 
 
 def _transfer(gaussians: GaussianSum, mm_per_texel: Float) -> Float:
