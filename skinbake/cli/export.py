@@ -41,6 +41,9 @@ def command(folder: str, to: str, summed: bool, layers: bool, gltf: bool, web: b
         raise InputError(
             f"{folder}: expected a bake folder, found none; `skinbake bake CONFIG --out {folder}` makes one"
         )
+    frames = sorted(path.parent.name for path in Path(folder).glob(f"*/{MANIFEST}"))
+    if frames and not (Path(folder) / MANIFEST).is_file():
+        raise InputError(f"{folder}: expected one bake, got several: {', '.join(frames[:5])} ...; name one")
     baked, target = open_bake(folder), Path(to)
     names = [*(sum_names(baked) if summed else ()), *(layer_names(baked) if layers else ()), *([NAME] if gltf else ())]
     names += [PAGE] if web else []

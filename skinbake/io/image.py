@@ -35,6 +35,7 @@ RINGING = 0.05  # what a sharpening filter may leave below 0 or above 1; clamped
 AGREE = 4 / 255  # between channels of a grey picture: JPEG's noise
 BLACK = 4 / 255  # as stored, of a texel that nobody painted; JPEG's noise
 LUMINANCE_RGB = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of Rec.709
+SHORT, INWARD_SHARE = 0.5, 0.02  # shorter ones are no normals, as grey about charts; more are no accident
 UNIT, LEAD = 0.1, 2.0  # mean distance of normals' lengths from 1 that can be; how much further the other encoding's is
 SIGNED_SHARE = 1e-3  # of texels with values below -RINGING: no filter's ringing
 
@@ -362,6 +363,21 @@ def filled(values: Image, unpainted: Mask) -> Image:
     out = flat.copy()
     out[unpainted] = filled[unpainted][:, : flat.shape[2]]
     return out.reshape(values.shape)
+
+
+def inward_normals(maps: SkinMaps) -> list[str]:
+    """A sentence where many normals of a tangent-space map point into the skin: they are passed over."""
+    found = []
+    for tile, image in maps.normal.items() if maps.normal_space == "tangent" else ():
+        normals = image[::4, ::4].reshape(-1, 3)
+        painted = (np.linalg.norm(normals, axis=1) > SHORT) & (np.abs(normals + 1).max(axis=1) > BLACK)
+        inward = painted & (normals[:, 2] <= 0)
+        if inward.mean() > INWARD_SHARE:
+            found.append(
+                f"maps.normal, tile {tile}: {inward.mean():.0%} of its normals point into the skin and are passed over; is"
+                " it in object space (space: object), or another picture?"
+            )
+    return found
 
 
 def _files(name: str, of: FileMapSpec, tiles: Sequence[int]) -> dict[int, Path]:

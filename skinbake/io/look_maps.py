@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, interpolate, on_charts, rasterize, sample_map, tile_of_face
 from skinbake.errors import InputError, SkinbakeError
-from skinbake.io.image import filled, ggx_as_beckmann, missing_tiles, read_maps
+from skinbake.io.image import filled, ggx_as_beckmann, inward_normals, missing_tiles, read_maps
 from skinbake.io.mesh.gltf_file import GltfFile
 from skinbake.io.mesh.gltf_material import GltfMaterial, picture_of, read_materials
 from skinbake.io.mesh.look_mesh import refuse_unpainted
@@ -60,6 +60,7 @@ def read_look_maps(
     if spec.maps.source == "file":
         maps, found = _with_materials(spec, mesh, maps, tiles, charts)
         notes += found
+    notes += inward_normals(maps)
     maps = repaint(spec, mesh, maps)
     if spec.maps.vertex_colors:
         maps = replace(maps, albedo=_albedo_of_vertices(spec, mesh, maps))

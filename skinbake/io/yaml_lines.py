@@ -100,13 +100,15 @@ def parse_value(text: str, name: str) -> Any:
     Raises
     ------
     ConfigError
-        Not YAML, a key stands twice, or more than a configuration holds.
+        Not YAML, a comment, a key stands twice, or more than a configuration holds.
     """
 
     def place(line: int) -> str:
         return name
 
     with _explained(place):
+        if _has_comment(text):
+            raise ConfigError([f"{name}: expected a value, got a comment: quote what begins with #, as '\"{text}\"'"])
         node = _compose(text, place)
         if node is None:
             return None
@@ -114,6 +116,15 @@ def parse_value(text: str, name: str) -> Any:
         if faults:
             raise ConfigError(faults)
         return SafeConstructor().construct_document(node)
+
+
+def _has_comment(text: str) -> bool:
+    """Whether a part of a value is a comment to YAML, which would drop it without a word."""
+    rest = list(text)
+    for token in yaml.scan(text):
+        for at in range(token.start_mark.index, token.end_mark.index):
+            rest[at] = " "
+    return "#" in rest
 
 
 @contextmanager

@@ -18,8 +18,15 @@ def _one_for_all(value: Any) -> Any:
     return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-PositiveRgb = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_one_for_all), Also("number")]
-SpreadRgb = Annotated[Rgb, BeforeValidator(_one_for_all), Also("number")]  # one number stands for three equal ones
+PositiveRgb = Annotated[
+    tuple[Positive, Positive, Positive], BeforeValidator(_one_for_all), Also("number", exclusiveMinimum=0)
+]
+FractionRgb = Annotated[
+    tuple[Fraction, Fraction, Fraction], BeforeValidator(_one_for_all), Also("number", minimum=0, maximum=1)
+]
+SpreadRgb = Annotated[
+    Rgb, BeforeValidator(_one_for_all), Also("number", minimum=0)
+]  # one number stands for three equal ones
 
 
 class FitSpec(Strict):
@@ -158,11 +165,7 @@ class BurleySkin(_Skin):
     """In place of `d_mm`: mean free path, mm, with `albedo_rgb`."""
     mean_free_path: Literal["searchlight", "diffuse", "surface"] = "searchlight"
     """Which free path that is: in the volume by a beam or by diffuse light, or along the surface."""
-    albedo_rgb: Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(_one_for_all), Also("number")] = (
-        1.0,
-        1.0,
-        1.0,
-    )
+    albedo_rgb: FractionRgb = (1.0, 1.0, 1.0)
     """Albedo of the surface that the shape is for."""
 
     @model_validator(mode="after")

@@ -41,8 +41,8 @@ class MeshFileSpec(Strict):
     """Whether v runs down in the file, as in textures of three.js."""
     uv_set: Annotated[int, Field(ge=0, le=63)] | None = None
     """Number of the glTF's UV set; by default that of its material."""
-    time: Annotated[float, Field(ge=-1e6, le=1e6)] | None = None
-    """Time of a USD stage; by default its earliest."""
+    time: Annotated[Annotated[float, Field(ge=-1e6, le=1e6)] | None, Also("string")] = None
+    """Time of a USD stage; by default its earliest. `"####"` is the frame's number, with `frames`."""
 
     @model_validator(mode="after")
     def _one_unit(self) -> MeshFileSpec:
@@ -155,7 +155,7 @@ class NormalMapSpec(FileMapSpec):
 class DetailMapSpec(FileMapSpec):
     """Tangent-space normals of a patch of skin; `repeat` times over a tile, or so often along u and along v."""
 
-    repeat: Annotated[tuple[Positive, Positive], Also("number")]
+    repeat: Annotated[tuple[Positive, Positive], Also("number", exclusiveMinimum=0)]
     """How often the patch fits into a tile, or [along u, along v]."""
     green: Green = "opengl"
     """As of a normal map."""
@@ -237,7 +237,8 @@ class MapsSpec(Strict):
         return {name: of for name, of in found.items() if isinstance(of, FileMapSpec)}
 
 
-Size = Annotated[int, Field(ge=1, le=32768)]
+LARGEST_SIZE = 32768
+Size = Annotated[int, Field(ge=1, le=LARGEST_SIZE)]
 
 
 def _switch(value: Any) -> Any:
@@ -251,7 +252,7 @@ Switch = Annotated[Literal["auto", "on", "off"], BeforeValidator(_switch), Also(
 class TextureSpec(Strict):
     """The UV raster. `size` is an int or [width, height]."""
 
-    size: Annotated[tuple[Size, Size], Also("integer")] = (2048, 2048)
+    size: Annotated[tuple[Size, Size], Also("integer", minimum=1, maximum=LARGEST_SIZE)] = (2048, 2048)
     """Texels a side, or [width, height], of each tile."""
     gutter: Annotated[int, Field(ge=0, le=256)] = 8
     """Texels that are filled beyond the border of each chart."""
@@ -286,7 +287,7 @@ class DiffusionSpec(Strict):
     method: str = AUTO
     """How lobes are blurred; `auto` takes the cheapest for each lobe, as measured on this head."""
     tolerance: Positive = 0.01
-    """Root mean square error that the blur, and what is decided by `auto`, may have, as a share of the light."""
+    """Root mean square error, as a share of the light, that the blur may have, and each term that `auto` leaves out."""
     separate: bool = True
     """Keep apart what faces across air (lips, eyelids), so that neither lights the other through it."""
     normalise: bool = True

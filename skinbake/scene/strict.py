@@ -14,13 +14,15 @@ class Also:
     ----------
     type : str
         Of JSON: "string", "number", ...
+    **limits
+        Of JSON schema: `minimum`, `maximum`, `exclusiveMinimum`, ...
     """
 
-    def __init__(self, type: str) -> None:
-        self.type = type
+    def __init__(self, type: str, **limits: float) -> None:
+        self.type, self.limits = type, limits
 
     def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
-        return {"anyOf": [handler(core_schema), {"type": self.type}]}
+        return {"anyOf": [handler(core_schema), {"type": self.type, **self.limits}]}
 
 
 class Strict(BaseModel):

@@ -35,7 +35,8 @@ def medium_of_skin(skin: SkinSpec) -> TransportMedium:
     else:
         raise InputError(
             f"skin: model {skin.model} gives a profile and no medium that light could be followed through; expected "
-            "dipole, burley with mean_free_path_mm, or multipole or transport with one layer"
+            "dipole, burley with mean_free_path_mm, or multipole or transport with one layer, such as --set "
+            "skin.preset=jensen-skin1 (skin.medium is not what a profile is computed from)"
         )
     longest = float((1 / (medium.sigma_a_per_mm + (1 - medium.g) * medium.sigma_s_per_mm)).max())
     if longest > CLEAR_MM or np.any(medium.sigma_s_per_mm == 0):

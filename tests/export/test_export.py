@@ -146,3 +146,9 @@ def test_what_is_left_of_another_bake_goes(bake, tmp_path):
     assert run(["bake", look, *other]) == 0
     assert run(["export", str(tmp_path / "b"), *to, "--sum"]) == 0
     assert set(contents(tmp_path / "x")) == {"sum.exr", "sum.png", "export.json"}
+
+
+def test_a_folder_of_bakes_names_them(bake, capsys):
+    """A sequence or a batch is several bakes."""
+    assert run(["export", str(bake.parent), "--to", "x", "--sum"]) == 2
+    assert "expected one bake, got several: out ...; name one" in capsys.readouterr().err

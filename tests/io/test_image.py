@@ -9,7 +9,7 @@ import pytest
 from skinbake.atlas import on_charts
 from skinbake.errors import InputError
 from skinbake.io.colour import srgb_to_linear
-from skinbake.io.image import ggx_as_beckmann, missing_tiles, read_map, read_maps, read_radiance
+from skinbake.io.image import ggx_as_beckmann, inward_normals, missing_tiles, read_map, read_maps, read_radiance
 from skinbake.scene.spec import MapsSpec
 from tests.images import ACES_AP1, P3_D65, icc_profile, save
 from tests.shapes import quad
@@ -322,3 +322,19 @@ def test_an_unreadable_image_is_refused(tmp_path, case):
     with pytest.raises(InputError, match=r"map\.(png|exr): ") as failure:
         read_map(path, 3)
     assert "\n" not in str(failure.value)
+
+
+def test_normals_that_point_inwards_are_told(tmp_path):
+    """They are passed over: another picture, or one in object space; a few slips, black and grey are nothing."""
+    image = np.full((40, 40, 3), (128, 128, 255), np.uint8)
+    image[:8], image[20:28], image[28:] = (255, 128, 0), 127, 0
+    wrong = MapsSpec.model_validate({"normal": str(save(tmp_path / "n.png", image))})
+    (told,) = inward_normals(read_maps(wrong))
+    assert told.startswith(
+        "maps.normal, tile 1001: 20% of its normals point into the skin and are passed over; is it in"
+    )
+    object_space = MapsSpec.model_validate({"normal": {"path": wrong.normal.path, "space": "object"}})
+    assert not inward_normals(read_maps(object_space))
+    image[:8] = (128, 128, 255)
+    image[0, 0] = (255, 128, 0)
+    assert not inward_normals(read_maps(MapsSpec.model_validate({"normal": str(save(tmp_path / "m.png", image))})))

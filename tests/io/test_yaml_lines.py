@@ -130,3 +130,14 @@ def test_all_keys_that_stand_twice_are_told(tmp_path):
         "4: b.c: key stands twice",
         "5: d: expected plain YAML, got the tag tag:yaml.org,2002:set",
     ]
+
+
+def test_an_override_is_no_comment():
+    """YAML would drop it without a word: a map that is not read, a time that does not change."""
+    for text in ("####.png", "####", "5 # five", "[1, 2] # two"):
+        with pytest.raises(ConfigError, match="--set x: expected a value, got a comment: quote what begins with #"):
+            parse_value(text, "--set x")
+    assert parse_value('"####.png"', "--set x") == "####.png"
+    assert parse_value("'# a'", "--set x") == "# a"
+    assert parse_value("a#b.png", "--set x") == "a#b.png"
+    assert parse_value("head.####.obj", "--set x") == "head.####.obj"

@@ -72,6 +72,7 @@ SHORT = [
     {"maps": {"detail": {"path": "d.png", "repeat": 20}}},
     {"skin": {"model": "burley", "d_mm": 1.0}},
     {"frames": "1-24"},
+    {"skin": {"model": "burley", "mean_free_path_mm": 1, "albedo_rgb": 0.5}},
 ]
 WRONG = [
     {"meshes": {}},
@@ -80,6 +81,10 @@ WRONG = [
     {"diffusion": {"tolerance": -1}},
     {"lights": [{"name": "sun", "type": "sun"}]},
     {"lights": []},
+    {"texture": {"size": 0}},
+    {"texture": {"size": 100000}},
+    {"maps": {"detail": {"path": "d.png", "repeat": 0}}},
+    {"skin": {"model": "burley", "d_mm": -1}},
     {"diffusion": {"method": "textur"}},
     {"output": {"dir": "out", "precision": "double"}},
 ]

@@ -83,7 +83,9 @@ def read_occluder(spec: OccluderSpec) -> Casters:
         The file or its picture is missing or unusable, no part has the name, or there are no UVs for the picture.
     """
     path = Path(spec.path)
-    raw = placed(path, read_raw(path, spec.uv_set, spec.time), spec.millimetres_per_unit, spec.up, spec.front)
+    raw = placed(
+        path, read_raw(path, spec.uv_set, spec.time, "occluders"), spec.millimetres_per_unit, spec.up, spec.front
+    )
     cast = choose_parts(path, raw, skin=spec.parts, uvs_needed=False, key="occluders.parts").skin
     casters = casters_of(raw, cast, spec.flip_v)
     if spec.opacity is None:

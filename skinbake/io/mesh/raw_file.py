@@ -20,7 +20,7 @@ SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl", ".off", *USD_SUFFIXES)
 LARGEST = 1e18  # of any coordinate: its fourth power is still a float64
 
 
-def read_raw(path: Path, uv_set: int | None = None, time: float | None = None) -> RawMesh:
+def read_raw(path: Path, uv_set: int | None = None, time: float | None = None, key: str = "mesh") -> RawMesh:
     """The triangles of a file of any kind.
 
     Parameters
@@ -30,12 +30,14 @@ def read_raw(path: Path, uv_set: int | None = None, time: float | None = None) -
         Of a glTF or USD file.
     time : float, optional
         Of a USD stage.
+    key : str
+        Of the look, for messages: where the file is named.
 
     Raises
     ------
     InputError
-        The file is missing, is not a mesh, has no triangles, or vertices that are not finite; a time is asked of one
-        that has none.
+        The file is missing, is not a mesh, has no triangles, or vertices that are not finite; a time, or a set of
+        UVs, is asked of one that has none.
     """
     suffix = path.suffix.lower()
     if not path.exists():
@@ -43,7 +45,9 @@ def read_raw(path: Path, uv_set: int | None = None, time: float | None = None) -
     if path.is_dir() or suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a mesh file ({', '.join(SUFFIXES)})")
     if time is not None and suffix not in USD_SUFFIXES:
-        raise InputError(f"{path}: mesh.time: expected a USD file, which knows time, got {suffix}")
+        raise InputError(f"{path}: {key}.time: expected a USD file, which knows time, got {suffix}")
+    if uv_set is not None and suffix not in (".glb", ".gltf", *USD_SUFFIXES):
+        raise InputError(f"{path}: {key}.uv_set: expected a glTF or USD file, which may have several, got {suffix}")
     try:
         if suffix == ".obj":
             raw = read_obj(path)

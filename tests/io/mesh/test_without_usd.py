@@ -27,3 +27,11 @@ def test_an_obj_knows_no_time(tmp_path):
     write_obj(tmp_path / "a.obj", quad())
     with pytest.raises(InputError, match=r"a\.obj: mesh\.time: expected a USD file, which knows time, got \.obj"):
         read_raw(tmp_path / "a.obj", time=1.0)
+
+
+def test_an_obj_has_no_other_uvs(tmp_path):
+    """`uv_set` is refused by the name of its key, the mesh's or an occluder's."""
+    write_obj(tmp_path / "a.obj", quad())
+    for key in ("mesh", "occluders"):
+        with pytest.raises(InputError, match=rf"a\.obj: {key}\.uv_set: expected a glTF or USD file, .* got \.obj"):
+            read_raw(tmp_path / "a.obj", uv_set=0, key=key)
