@@ -374,8 +374,8 @@ def inward_normals(maps: SkinMaps) -> list[str]:
         inward = painted & (normals[:, 2] <= 0)
         if inward.mean() > INWARD_SHARE:
             found.append(
-                f"maps.normal, tile {tile}: {inward.mean():.0%} of its normals point into the skin and are passed over; is"
-                " it in object space (space: object), or another picture?"
+                f"maps.normal, tile {tile}: {inward.mean():.0%} of its normals point into the skin and are passed over;"
+                " is it in object space (space: object), or another picture?"
             )
     return found
 
