@@ -204,12 +204,32 @@ class BakedSkin:
         for index, weight in enumerate(self.weight_rgb.astype(np.float32)):
             lobe = sum(self._pixels.lobe(index, tile, name) * factors.get(str(name), np.float32(1)) for name in lights)
             total += weight * magnify_bilinear(np.asarray(lobe, np.float32), (height, width))
-        after = 1 - self.look.texturing.exponent_before
-        if after:
-            total *= self._pixels.albedo(tile) ** np.float32(after)
+        if self.look.texturing.exponent_before < 1:
+            total *= self.albedo_after(tile)
         return total
 
     radiance_exitance = radiant_exitance
+
+    def albedo_after(self, tile: int | None = None) -> Image:
+        """What of the albedo comes after scattering, theory.md 5.1: a factor on the sum of the lobes.
+
+        Parameters
+        ----------
+        tile : int, optional
+            UDIM number; the first tile by default.
+
+        Returns
+        -------
+        ndarray of shape (H, W, 3) or (1, 1, 3), float32
+            Ones where all of it comes before.
+
+        Raises
+        ------
+        InputError
+            There is no such tile, or a map is missing or damaged.
+        """
+        after = np.float32(1 - self.look.texturing.exponent_before)
+        return self._pixels.albedo(self._tile(tile)) ** after if after else np.ones((1, 1, 3), np.float32)
 
     def _tile(self, tile: int | None) -> int:
         if tile is not None and tile not in self.tiles:

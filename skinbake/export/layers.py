@@ -10,6 +10,8 @@ from skinbake.api.baked_skin import BakedSkin
 from skinbake.io.exr import Part, rgb_channels, write_parts
 from skinbake.io.irradiance import tile_path
 
+UDIM = "<UDIM>"  # stands for a tile's number, as in other programs
+
 
 def layer_names(baked: BakedSkin) -> list[str]:
     """Names of the files that `write_layers` writes."""
@@ -57,11 +59,34 @@ def _layers(baked: BakedSkin) -> Iterator[tuple[str, int | None, str | None]]:
     """Name, lobe (None for the irradiance) and light (None for the sum) of each texture."""
     for light in (None, *baked.lights):
         yield _name("irradiance", light), None, light
-    stored = baked.lights if baked.look.output.separate_lights else ()
     for lobe in range(len(baked.weight_rgb)):
-        last = lobe == len(baked.weight_rgb) - 1
-        for light in (None, *stored):
-            yield _name("transmission" if last and baked.transmits else f"lobe_{lobe}", light), lobe, light
+        for light in dict.fromkeys((None, *lobe_layers(baked))):
+            yield _name(_stem(baked, lobe), light), lobe, light
+
+
+def lobe_layers(baked: BakedSkin) -> tuple[str | None, ...]:
+    """Lights whose lobes are stored apart; (None,) where only their sum is."""
+    return baked.lights if baked.look.output.separate_lights else (None,)
+
+
+def layer_file(baked: BakedSkin, lobe: int, light: str | None, tile: str | None) -> str:
+    """Name of a lobe's file.
+
+    Parameters
+    ----------
+    baked : BakedSkin
+    lobe : int
+    light : str, optional
+        The sum over the lights unless given.
+    tile : str, optional
+        Its number, or UDIM; none where there are no tiles.
+    """
+    name = _name(_stem(baked, lobe), light)
+    return f"{name}.exr" if tile is None else f"{name}.{tile}.exr"
+
+
+def _stem(baked: BakedSkin, lobe: int) -> str:
+    return "transmission" if baked.transmits and lobe == len(baked.weight_rgb) - 1 else f"lobe_{lobe}"
 
 
 def _name(stem: str, light: str | None) -> str:

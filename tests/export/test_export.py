@@ -100,7 +100,7 @@ def test_an_export_again_is_the_same_and_only_its_own_files_are_replaced(bake, t
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--to", "x"], "expected one or more of --sum, --layers, --gltf and --web"),
+        (["--to", "x"], "expected one or more of --sum, --layers, --gltf, --blender and --web"),
         (["--to", "", "--sum"], "expected a path, got an empty text; is a variable not set?"),
         (["--to", "{bake}", "--sum"], "expected a folder of its own to export to, got one with a bake"),
         (["--to", "{bake}/bake.json", "--sum"], "expected a folder to export to, got a file"),

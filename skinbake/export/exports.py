@@ -1,0 +1,56 @@
+"""The kinds of export by name, and writing some of them for one bake."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from skinbake.api import BakedSkin, open_bake
+from skinbake.export import blender, gltf, layers, summed, web
+from skinbake.io.export_list import keep_export_list, refuse_foreign
+
+
+class Export(NamedTuple):
+    """One kind: the files that it makes of a bake and its folder, and what writes them to a target."""
+
+    names: Callable[[BakedSkin, Path], Sequence[str]]
+    write: Callable[[BakedSkin, Path, Path], Any]
+
+
+EXPORTS = {
+    "sum": Export(lambda baked, _: summed.sum_names(baked), lambda baked, _, target: summed.write_sum(baked, target)),
+    "layers": Export(
+        lambda baked, _: layers.layer_names(baked), lambda baked, _, target: layers.write_layers(baked, target)
+    ),
+    "gltf": Export(lambda *_: [gltf.NAME], lambda baked, _, target: gltf.write_gltf(baked, target)),
+    "blender": Export(blender.blender_names, blender.write_blender),
+    "web": Export(lambda *_: [web.NAME], lambda _, folder, target: web.write_web(folder, target)),
+}
+
+
+def write_exports(folder: Path, kinds: Sequence[str], target: Path) -> list[Path]:
+    """Write exports of a bake, remove what is left of another bake, and give the paths of what was written.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the bake.
+    kinds : sequence of str
+        Keys of EXPORTS.
+    target : Path
+
+    Raises
+    ------
+    InputError
+        The bake is missing or damaged, or `target` holds files of others of these names.
+    MachineError
+        Disk full.
+    """
+    baked = open_bake(folder)
+    names = list(dict.fromkeys(name for kind in kinds for name in EXPORTS[kind].names(baked, folder)))
+    refuse_foreign(target, names)
+    keep_export_list(target, names, folder)
+    for kind in kinds:
+        EXPORTS[kind].write(baked, folder, target)
+    return [target / name for name in names]
