@@ -87,7 +87,7 @@ quick: $(READY)  ## the tests worth running after each edit
 	@$(BIN)/python -m skinbake.preview.setup_gl testing
 	@touch $@
 
-faults: $(READY)  ## kill bakes fifty times and before every step on the disk, press Ctrl-C a hundred times
+faults: $(READY)  ## kill bakes, batches, sequences and exports, fifty times and before every step on the disk; press Ctrl-C a hundred times
 	SKINBAKE_KILLS=50 SKINBAKE_STOPS=34 $(BIN)/python -m pytest tests/cli/test_faults.py tests/cli/test_interrupt.py
 
 check: $(READY)  ## linters and the type checker

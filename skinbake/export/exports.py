@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from skinbake.api import BakedSkin, open_bake
 from skinbake.export import blender, gltf, layers, summed, web
 from skinbake.io.export_list import keep_export_list, refuse_foreign
+from skinbake.io.lock import folder_lock
 
 
 class Export(NamedTuple):
@@ -50,7 +51,8 @@ def write_exports(folder: Path, kinds: Sequence[str], target: Path) -> list[Path
     baked = open_bake(folder)
     names = list(dict.fromkeys(name for kind in kinds for name in EXPORTS[kind].names(baked, folder)))
     refuse_foreign(target, names)
-    keep_export_list(target, names, folder)
-    for kind in kinds:
-        EXPORTS[kind].write(baked, folder, target)
+    with folder_lock(target):
+        keep_export_list(target, names, folder)
+        for kind in kinds:
+            EXPORTS[kind].write(baked, folder, target)
     return [target / name for name in names]
