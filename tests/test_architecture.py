@@ -11,6 +11,7 @@ from tests.conftest import ROOT
 ORDER = [
     "errors",
     "interrupt",
+    "progress",
     "numerics",
     "machine",
     "kernels",

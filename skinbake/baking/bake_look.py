@@ -10,6 +10,7 @@ from skinbake import pipeline
 from skinbake.baking.folder_bake import FolderBake, folder_bake
 from skinbake.baking.look_stages import refuse_spoilt_look
 from skinbake.baking.manifest import finish_manifest, manifest_of
+from skinbake.baking.pace import STAGES, expected_seconds, keep_pace
 from skinbake.baking.preview_worker import PreviewWorker
 from skinbake.baking.report import refuse_missed, report
 from skinbake.baking.session import BakeSession
@@ -54,8 +55,10 @@ def bake_look(
     start = time.perf_counter()
     bake = folder_bake(spec, force, verbosity, session, f"baking into {Path(spec.output.dir)}")
     log, folder = bake.log, bake.results.folder
-    with log.telling_of_compiling():
+    expected = expected_seconds(bake.inputs, bake.stages(), STAGES if preview else STAGES - {"preview"})
+    with log.telling_of_compiling(), log.whole("baking", expected):
         manifest, baked = _bake_into_folder(bake, preview, start)
+    keep_pace(bake.inputs, log)
     log.say(f"done in {time.perf_counter() - start:.2f} s: {folder}")
     refuse_missed(spec, baked)
     return manifest

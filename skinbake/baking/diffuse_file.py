@@ -9,6 +9,7 @@ from typing import Any
 from skinbake import pipeline
 from skinbake.baking.folder_bake import folder_bake
 from skinbake.baking.manifest import finish_manifest, manifest_of
+from skinbake.baking.pace import STAGES, expected_seconds
 from skinbake.baking.report import refuse_missed, report
 from skinbake.baking.stages.irradiance import GivenIrradiance
 from skinbake.diffuse.planning.texture_size import MOST_HALVINGS, may_be_reduced
@@ -37,8 +38,14 @@ def diffuse_file(spec: SceneSpec, irradiance: str, force: bool = False, verbosit
     paths = {tile: tile_path(path, tile, udim) for tile in bake.inputs.tiles}
     maps = tuple(read_irradiance(file, tile, bake.inputs.spec.texture.size) for tile, file in paths.items())
     given = GivenIrradiance(maps, [sha256_of(file) for file in paths.values()], bake.inputs, bake.log)
-    with bake.log.telling_of_compiling(), bake.results.open(given=tuple(paths.values())):
-        baked = pipeline.bake(bake.stages(given))
+    stages = bake.stages(given)
+    expected = expected_seconds(bake.inputs, stages, asked=STAGES - {"preview", "irradiance"})
+    with (
+        bake.log.telling_of_compiling(),
+        bake.log.whole("scattering", expected),
+        bake.results.open(given=tuple(paths.values())),
+    ):
+        baked = pipeline.bake(stages)
         bake.results.finish_writing()
         manifest = manifest_of(bake.inputs, bake.results, bake.log, baked) | {"lights": list(maps[0].lights)}
         finish_manifest(bake.results, manifest)

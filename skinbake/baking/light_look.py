@@ -6,6 +6,7 @@ from pathlib import Path
 
 from skinbake.baking.folder_bake import folder_bake
 from skinbake.baking.look_stages import refuse_spoilt_look
+from skinbake.baking.pace import expected_seconds
 from skinbake.scene.spec import SceneSpec
 
 
@@ -19,7 +20,8 @@ def light_look(spec: SceneSpec, force: bool = False, verbosity: int = 1) -> Path
     """
     bake = folder_bake(spec, force, verbosity)
     stages = bake.stages()
-    with bake.log.telling_of_compiling():
+    expected = expected_seconds(bake.inputs, stages, asked=("read", "raster", "irradiance", "write"))
+    with bake.log.telling_of_compiling(), bake.log.whole("lighting", expected):
         refuse_spoilt_look(bake.inputs, stages)
         with bake.results.open():
             stages.irradiance.result()

@@ -38,8 +38,8 @@ def look_stages(
     """
     profile = ProfileStage(inputs, results, log)
     raster = RasterStage(inputs, results, session, log)
-    irradiance = given or IrradianceStage(inputs, raster, results, session, log)
-    diffuse = DiffuseStage(inputs, profile, raster, irradiance, results, log, lambda text: log.say(f"    {text}", 2))
+    irradiance = given or IrradianceStage(inputs, raster, results, session, log, log.note)
+    diffuse = DiffuseStage(inputs, profile, raster, irradiance, results, log, log.note)
     return Stages(inputs.decisions, profile, raster, irradiance, diffuse)
 
 

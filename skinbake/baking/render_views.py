@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from skinbake.io.exr import Part, rgb_channels, write_parts
@@ -12,6 +12,7 @@ from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode, parse_mode
 from skinbake.preview.picture_part import refuse_picture_too_large
 from skinbake.preview.views import View, plan_views, side_by_side, tone_map
+from skinbake.progress import Progress
 from skinbake.scene.spec import PreviewSpec
 
 
@@ -29,7 +30,7 @@ def render(
     gains: dict[str, list[float]] | None = None,
     exposure: float | None = None,
     supersample: int = 2,
-    say: Callable[[Path], None] | None = None,
+    progress: Progress | None = None,
     inputs: Iterable[Path] = (),
 ) -> list[Path]:
     """Render pictures into a folder and give the paths of the PNGs; the defaults render out/preview.png.
@@ -59,8 +60,8 @@ def render(
         In stops.
     supersample : int
         Each pixel is the mean of its square of points.
-    say : callable, optional
-        Told each path.
+    progress : Progress, optional
+        Shows how far it is, and each path.
     inputs : iterable of Path
         Files that no picture is written over.
 
@@ -80,12 +81,14 @@ def render(
     names = ["preview"] if len(planned) == 1 else [f"preview_{each.name}" for each in planned]
     paths = [Path(png)] if png else [out / f"{name}{'_compare' if compare else ''}.png" for name in names]
     refuse_inputs([*paths, *(path.with_suffix(".exr") for path in paths if exr)], inputs)
-    for each, path in zip(planned, paths, strict=True):
-        image = side_by_side([renderer.draw(each.camera, size, m, gains, supersample) for m in modes])
-        write_png(path, tone_map(image, look.background_rgb, exposure))
-        if exr:
-            channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
-            write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
-        if say:
-            say(path)
+    progress = progress or Progress(shown=False)
+    with progress.task("drawing", total=len(planned)) as task:
+        for task.done, (each, path) in enumerate(zip(planned, paths, strict=True)):
+            task.note = f"{each.name}, {task.done + 1} of {len(planned)}"
+            image = side_by_side([renderer.draw(each.camera, size, m, gains, supersample) for m in modes])
+            write_png(path, tone_map(image, look.background_rgb, exposure))
+            if exr:
+                channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
+                write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
+            progress.line(str(path))
     return paths

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
-from skinbake.errors import printable
 from skinbake.pipeline import Stage
+from skinbake.progress import Progress, Task
 
-SHORT_S, TELL_S = 2.0, 20.0  # a wait that nobody need be told of; between two lines about a longer one
+WORDS = {  # what is done, by the name of its stage
+    "read": "reading mesh and maps",
+    "raster": "finding the skin of each texel",
+    "profile": "fitting Gaussians to the skin",
+    "irradiance": "tracing light",
+    "diffuse": "scattering light",
+    "preview": "drawing the picture",
+    "textures": "making .tx files",
+    "write": "writing files",
+}
 OnEvent = Callable[[dict[str, Any]], None]
 
 
 def nobody(_: object) -> None:
     """Listens to nothing."""
-
-
-def in_words(seconds: float) -> str:
-    """A rough length of time."""
-    return f"{seconds / 60:.0f} min" if seconds > 90 else f"{max(seconds, 1):.0f} s"
 
 
 class StageLog:
@@ -38,13 +41,19 @@ class StageLog:
     ----------
     seconds : dict of stage name to float
         Of each stage alone, without those that ran inside it.
+    busy : dict of stage name to float
+        ... without those of compiling either.
     reused : dict of stage name to bool
         Whether the stage's result was there already.
+    progress : Progress
+        The bar.
     """
 
     def __init__(self, verbosity: int = 0, on_event: OnEvent = nobody) -> None:
         self.verbosity, self.on_event = verbosity, on_event
+        self.progress = Progress(verbosity > 0)
         self.seconds: dict[str, float] = {}
+        self.busy: dict[str, float] = {}
         self.reused: dict[str, bool] = {}
         self._inner = [0.0]  # seconds of the stages inside each one that runs
 
@@ -60,62 +69,49 @@ class StageLog:
         self.on_event({"event": "stage", "stage": name})
         start = time.perf_counter()
         self._inner.append(0.0)
-        try:
-            yield
-        finally:
-            whole = time.perf_counter() - start
-            seconds = whole - self._inner.pop()
-            self._inner[-1] += whole
+        with self.progress.task(WORDS.get(name, name)) as task:
+            try:
+                yield
+            finally:
+                whole = time.perf_counter() - start
+                seconds = whole - self._inner.pop()
+                self._inner[-1] += whole
+                self.busy[name] = self.busy.get(name, 0.0) + task.spent(time.monotonic())
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds
         self.reused[name] = reused()
         self.on_event({"event": "stage end", "stage": name, "seconds": seconds, "reused": self.reused[name]})
         self.say(f"  {name:<12}" + ("as it was" if self.reused[name] else f"{seconds:6.2f} s"))
 
-    def telling_of_compiling(self) -> AbstractContextManager[None]:
-        """Show on stderr, unless all is quiet, when kernels are compiled within the block."""
-        from skinbake.baking.compile_notice import compile_notice
-
-        return compile_notice() if self.verbosity else nullcontext()
-
-    @contextmanager
-    def waiting(self, what: str, seconds: float) -> Iterator[Callable[[], None]]:
-        """Show a wait of more than a moment: a bar where there is a terminal, else a line and now and then another.
+    def whole(self, name: str, seconds: Mapping[str, float]) -> AbstractContextManager[Task]:
+        """Show the stages within the block as parts of one wait.
 
         Parameters
         ----------
-        what : str
-            What is done, for the person who waits.
-        seconds : float
-            That it takes, about.
+        name : str
+            In words.
+        seconds : mapping of stage name to float
+            That each takes, about; stages that are not expected to run are left out.
         """
-        if self.verbosity < 1 or seconds < SHORT_S:
+        return self.progress.task(name, parts={WORDS[stage]: of for stage, of in seconds.items()})
+
+    def telling_of_compiling(self) -> AbstractContextManager[None]:
+        """Show when kernels are compiled within the block."""
+        from skinbake.baking.compile_notice import compile_notice
+
+        return compile_notice(self.progress)
+
+    @contextmanager
+    def waiting(self, what: str, seconds: float) -> Iterator[Callable[[], None]]:
+        """Show a wait of about so many seconds, `what` for in words; see `skinbake.io.waiting`."""
+        with self.progress.task(what, seconds):
             yield lambda: None
-            return
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-        console = Console(file=sys.stderr, highlight=False, soft_wrap=True)
-        expected, start, told = in_words(seconds), time.monotonic(), 0.0
-        columns = TextColumn("  {task.description}"), BarColumn(bar_width=28), TimeElapsedColumn()
-        bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-        self.say(f"  {what}: takes about {expected}")
-        with bar:
-            task = bar.add_task(what, total=seconds)
-
-            def tick() -> None:
-                """Show that it goes on."""
-                nonlocal told
-                past = time.monotonic() - start
-                bar.update(task, completed=min(past, 0.99 * seconds))
-                if not console.is_terminal and past - told > TELL_S:
-                    told = past
-                    self.say(f"    {in_words(past)} of about {expected}")
-
-            yield tick
+    def note(self, text: str) -> None:
+        """Say where a stage is: beside its bar, and with much verbosity in a line."""
+        self.progress.note(text)
+        self.say(f"    {text}", 2)
 
     def say(self, text: str, level: int = 1) -> None:
         """Tell the person at the terminal, on stderr, if `verbosity` is `level` or more."""
         if self.verbosity >= level:
-            from rich.console import Console
-
-            Console(file=sys.stderr, highlight=False, soft_wrap=True).print(printable(text), markup=False)
+            self.progress.line(text)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -34,6 +33,7 @@ from skinbake.irradiance.decide import decide
 from skinbake.irradiance.oil_albedo import transmitted_share
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
+from skinbake.progress import Progress
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import MapsSpec, SceneSpec, TexturingSpec
 from skinbake.transport.closed import refuse_open
@@ -47,7 +47,6 @@ BATCH = 12  # points between two looks at the clock
 KEPT_EVERY_S = 20.0
 SHARE_NODES = 129
 SWITCHES = ("energy_conservation",)  # terms that both sides share, so that switching them says nothing
-Say = Callable[[str, float], None]
 
 
 def bare_look(spec: SceneSpec) -> SceneSpec:
@@ -69,7 +68,7 @@ def bare_look(spec: SceneSpec) -> SceneSpec:
     return bare.model_copy(update={"output": bare.output.model_copy(update={"dir": folder})})
 
 
-def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosity: int, step: Say) -> dict[str, Any]:
+def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosity: int = 0) -> dict[str, Any]:
     """Walk, bake what is stale, compare, and write truth.json and the manifest's `error.model`.
 
     Parameters
@@ -79,8 +78,7 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
     terms : bool
         Also bake without each of the terms that the bake has.
     verbosity : int
-    step : callable
-        Told a line and how many points are done with it.
+        0 shows nothing on stderr, 1 how far it is, 2 also what its bakes say.
 
     Returns
     -------
@@ -104,7 +102,7 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         oil = look.specular
         share = transmitted_share(np.linspace(0, 1, SHARE_NODES), oil.roughness, oil.f0, oil.strength)
 
-    folder = Path(look.output.dir)
+    progress, folder = Progress(verbosity > 0), Path(look.output.dir)
     key = key_of(
         code_digest("skinbake.transport.light_leaving", "skinbake.transport.points"), input_hashes(look),
         look.mesh.model_dump(),
@@ -117,42 +115,42 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
     kept = read_walks(folder, key)
     if kept is not None and kept["mean"].shape == shape:
         done, mean, stderr = kept["done"], kept["mean"], kept["stderr"]
-        step(f"{int(done.sum())} points are there already", float(done.sum()))
-    saved, lock, finished = time.monotonic(), threading.Lock(), 0
-
-    def one_done(number: int) -> None:
-        nonlocal finished
-        with lock:
-            finished += number
-
+        progress.line(f"{int(done.sum())} points are there already")
+    saved, lock = time.monotonic(), threading.Lock()
     todo = np.flatnonzero(~done)
-    for start in range(0, len(todo), BATCH):
-        part = todo[start : start + BATCH]
-        # A point's walks depend on its number alone: points of a batch follow each other only where none was done
-        for first, last in _runs(part):
-            found = light_leaving(
-                rays, medium, look.lights, at.face[first:last], at.barycentric[first:last], walks,
-                look.output.seed, look.shadows, share, scene.environments, first, one_done,
-            )  # fmt: skip
-            mean[:, first:last], stderr[:, first:last], done[first:last] = found.mean, found.stderr, True
-        step(f"{int(done.sum())} of {count} points", len(part))
-        if time.monotonic() - saved > KEPT_EVERY_S:
-            write_walks(folder, key, done, mean, stderr)
-            saved = time.monotonic()
+    with progress.task("walking light through the skin", total=len(todo)) as task:
+
+        def one_done(number: int) -> None:
+            with lock:
+                task.done += number
+
+        for start in range(0, len(todo), BATCH):
+            part = todo[start : start + BATCH]
+            # A point's walks depend on its number alone: points of a batch follow each other only where none was done
+            for first, last in _runs(part):
+                found = light_leaving(
+                    rays, medium, look.lights, at.face[first:last], at.barycentric[first:last], walks,
+                    look.output.seed, look.shadows, share, scene.environments, first, one_done,
+                )  # fmt: skip
+                mean[:, first:last], stderr[:, first:last], done[first:last] = found.mean, found.stderr, True
+            task.note = f"{int(done.sum())} of {count} points"
+            if time.monotonic() - saved > KEPT_EVERY_S:
+                write_walks(folder, key, done, mean, stderr)
+                saved = time.monotonic()
     if len(todo):
         write_walks(folder, key, done, mean, stderr)
 
-    _bake(look, verbosity)
+    with progress.task("baking the same skin"):
+        _bake(look, max(verbosity - 1, 0))
     baked = light_baked(folder, scene.mesh, at)
     whole, noise = mean[ESTIMATES["whole"]], stderr[ESTIMATES["whole"]]
     error = model_error(*_totals(baked, whole, noise), at.weight, at.groups)
     without: dict[str, dict[str, GroupError]] = {}
     split: dict[str, dict[str, TermShare]] = {}
-    for term, values in (_without_terms(look, folder, scene.mesh, at) if terms else {}).items():
+    for term, values in (_without_terms(look, folder, scene.mesh, at, progress) if terms else {}).items():
         totals = _totals(values, whole, noise)
         without[term] = model_error(*totals, at.weight, at.groups)
         split[term] = term_share(baked.sum(axis=1), *totals, at.weight, at.groups)
-        step(f"without {term}", 0)
     truth = {
         "version": skinbake.__version__,
         "medium": {
@@ -191,15 +189,28 @@ def _bake(look: SceneSpec, verbosity: int, session: BakeSession | None = None) -
         bake_look(look, preview=False, verbosity=verbosity, session=session)
 
 
-def _without_terms(look: SceneSpec, folder: Path, mesh: SkinMesh, at: TruthPoints) -> dict[str, Float]:
-    """M at the points, (P, L, 3), of bakes without each of the terms that the bake has; light is traced once."""
-    found = {}
-    with temporary_folder() as temporary:
+def _without_terms(
+    look: SceneSpec, folder: Path, mesh: SkinMesh, at: TruthPoints, progress: Progress
+) -> dict[str, Float]:
+    """M at the points, (P, L, 3), of bakes without each of the terms that the bake has; light is traced once.
+
+    Parameters
+    ----------
+    look : SceneSpec
+    folder : Path
+        Of the bake with all terms.
+    mesh : SkinMesh
+    at : TruthPoints
+    progress : Progress
+    """
+    found, terms = {}, _terms_of(folder)
+    with temporary_folder() as temporary, progress.task("baking without", total=len(terms)) as task:
         session = BakeSession(Cache(Path(temporary, "cache")))
-        for term in _terms_of(folder):
+        for task.done, term in enumerate(terms):
+            task.note = term
             out = str(Path(temporary, term))
-            terms = look.terms.model_copy(update={term: "off"})
-            other = look.model_copy(update={"terms": terms, "output": look.output.model_copy(update={"dir": out})})
+            fewer = look.terms.model_copy(update={term: "off"})
+            other = look.model_copy(update={"terms": fewer, "output": look.output.model_copy(update={"dir": out})})
             _bake(other, 0, session)
             found[term] = light_baked(Path(out), mesh, at)
     return found

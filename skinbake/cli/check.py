@@ -40,7 +40,9 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], as_json: b
     from skinbake.io.config import load_look
 
     spec = load_look(config, overrides, first_frame=True)
-    report, pictures, uv = examine(spec, StageLog(verbosity).waiting)
+    log = StageLog(verbosity)
+    with log.telling_of_compiling(), log.progress.task("checking"):
+        report, pictures, uv = examine(spec, log.waiting)
     report["notes"] += _frames(config, overrides)
     if out is not None:
         from skinbake.io.fingerprint import every_input

@@ -53,15 +53,17 @@ def command(
     from skinbake.errors import InputError, printable
     from skinbake.io.output_names import refuse_inputs
     from skinbake.io.pictures import false_colour_sheet, images_of
+    from skinbake.progress import Progress
 
     if picture:
         folders = [Path(side) for side in (image, reference) if Path(side).is_dir()]
         refuse_inputs([picture], [image, reference, *(file for folder in folders for file in folder.iterdir())])
     tolerance = Tolerance(absolute, relative, allowed, worst)
-    ours, theirs = images_of(Path(image)), images_of(Path(reference))
-    if Path(image).is_dir() and Path(reference).is_dir():
-        _of_two_bakes(Path(image), Path(reference), ours, theirs)
-    found = {name: compare(ours[name], theirs[name], tolerance) for name in ours if name in theirs}
+    with Progress().task("comparing"):
+        ours, theirs = images_of(Path(image)), images_of(Path(reference))
+        if Path(image).is_dir() and Path(reference).is_dir():
+            _of_two_bakes(Path(image), Path(reference), ours, theirs)
+        found = {name: compare(ours[name], theirs[name], tolerance) for name in ours if name in theirs}
     missing = sorted(set(ours) ^ set(theirs))
     pairs = {n: (ours[n], theirs[n]) for n in found if ours[n].shape == theirs[n].shape}
     same = not missing and all(d.same for d in found.values())

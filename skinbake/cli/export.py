@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -27,6 +28,7 @@ def command(folder: str, to: str, verbosity: int, **kinds: bool) -> None:
     from skinbake.errors import InputError, printable
     from skinbake.export.exports import write_exports
     from skinbake.io.manifest import NAME as MANIFEST
+    from skinbake.progress import Progress
 
     wanted = [kind for kind in kinds if kinds[kind]]
     if not wanted:
@@ -41,6 +43,7 @@ def command(folder: str, to: str, verbosity: int, **kinds: bool) -> None:
     frames = sorted(path.parent.name for path in Path(folder).glob(f"*/{MANIFEST}"))
     if frames and not (Path(folder) / MANIFEST).is_file():
         raise InputError(f"{folder}: expected one bake, got several: {', '.join(frames[:5])} ...; name one")
-    written = write_exports(Path(folder), wanted, Path(to))
+    with Progress(verbosity > 0).task("exporting"):
+        written = write_exports(Path(folder), wanted, Path(to))
     if verbosity:
         print(printable("\n".join(map(str, written))))

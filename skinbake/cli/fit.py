@@ -36,15 +36,17 @@ def command(
     from skinbake.io.profile import fit_record, write_fit
     from skinbake.io.table import read_profile_csv
     from skinbake.profile import fit_skin
+    from skinbake.progress import Progress
 
     skin = load_skin(config, overrides)
     if out:
         outputs = [Path(out) / name for name in FIT_FILES]
         refuse_inputs(outputs, filter(None, [config, getattr(skin, "path", None), against]))
         refuse_foreign(outputs)
-    report = fit_skin(skin, read_profile_csv(skin.path) if skin.model == "table" else None)
-    extra = compare(report, against) if against else {}
-    written = write_fit(report, out, extra) if out else []
+    with Progress(verbosity > 0).task("fitting Gaussians to the skin"):
+        report = fit_skin(skin, read_profile_csv(skin.path) if skin.model == "table" else None)
+        extra = compare(report, against) if against else {}
+        written = write_fit(report, out, extra) if out else []
     if as_json:
         click.echo(dump(fit_record(report) | extra), nl=False)
     elif verbosity:

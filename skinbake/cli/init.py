@@ -18,11 +18,14 @@ def command(mesh: str, out: str | None, force: bool) -> None:
     from skinbake.errors import InputError, printable
     from skinbake.io.atomic import write_text
     from skinbake.io.first_look import first_look
+    from skinbake.progress import Progress
 
     path, look = Path(mesh), Path(out or Path(mesh).with_suffix(".yaml").name)
     if look.exists() and not force:
         raise InputError(f"{look}: is there already; say --force to write over it, or --out for another name")
     if look.exists() and look.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{look}: expected a YAML file for --force to write over; choose another --out")
-    write_text(look, first_look(path, look))
+    with Progress().task("looking at the mesh"):
+        text = first_look(path, look)
+    write_text(look, text)
     print(printable(f"{look}\nnext: skinbake check {look}, then skinbake bake {look}"))

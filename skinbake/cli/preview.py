@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from skinbake.cli.options import Output, Within, bake_folder, quiet_option
-from skinbake.errors import InputError, printable
+from skinbake.errors import InputError
 
 
 @click.command("preview")
@@ -64,8 +64,10 @@ def command(
     if not pictures and has_display():
         from skinbake.io.bake_folder import read_bake_folder
         from skinbake.preview.window import show
+        from skinbake.progress import Progress
 
-        baked = read_bake_folder(folder)
+        with Progress(verbosity > 0).task("reading the bake"):
+            baked = read_bake_folder(folder)
         show(baked.scene, baked.spec.preview, pixels, mode, gains, exposure)
         return
     render_still(
@@ -109,17 +111,20 @@ def render_still(
     from skinbake.io.fingerprint import every_input
     from skinbake.io.output_names import PICTURE, PICTURE_KEY, is_output
     from skinbake.preview.draw import OffscreenRenderer
+    from skinbake.progress import Progress
 
-    baked = read_bake_folder(folder, summed=not gains)
+    progress = Progress(verbosity > 0)
+    with progress.task("reading the bake"):
+        baked = read_bake_folder(folder, summed=not gains)
     textures = [
         path for path in baked.path.iterdir() if is_output(path.name) and path.name not in (PICTURE, PICTURE_KEY)
     ]
     inputs = [*textures, *every_input(baked.spec)]
-    say = (lambda path: click.echo(printable(str(path)), err=True)) if verbosity else None
-    with OffscreenRenderer(baked.scene) as renderer:
-        return render(
-            renderer, baked.spec.preview, Path(out) if out else baked.path, gains=gains, say=say, inputs=inputs, **how
-        )
+    out = Path(out) if out else baked.path
+    with progress.task("starting OpenGL"):
+        renderer = OffscreenRenderer(baked.scene)
+    with renderer:
+        return render(renderer, baked.spec.preview, out, gains=gains, progress=progress, inputs=inputs, **how)
 
 
 def _names(views: str | None) -> list[str]:

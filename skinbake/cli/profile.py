@@ -31,6 +31,7 @@ def command(
     from skinbake.io.profile import profile_csv, profile_record
     from skinbake.io.table import read_profile_csv
     from skinbake.profile import evaluate, profile_of
+    from skinbake.progress import Progress
 
     if as_json and as_csv:
         raise InputError("--json and --csv: expected one of them, got both")
@@ -41,7 +42,8 @@ def command(
             f"--photons: expected a skin with model transport, got {skin.model}; add --set skin.model=transport"
         )
     table = read_profile_csv(skin.path) if skin.model == "table" else None
-    values = evaluate(profile_of(skin, table, photons=photons), radius)
+    with Progress().task("evaluating the profile"):
+        values = evaluate(profile_of(skin, table, photons=photons), radius)
     if as_json:
         click.echo(dump(profile_record(values)), nl=False)
     elif as_csv:

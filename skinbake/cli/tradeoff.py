@@ -137,15 +137,15 @@ class Measurements:
     def measure(self, repeats: int) -> bool:
         """Bring every setting to `repeats` runs, in alternating order; True if Ctrl-C ended it."""
         from skinbake.cli.measuring import Child, in_child
-        from skinbake.cli.progress_bar import counted
         from skinbake.interrupt import saving
+        from skinbake.progress import counted
 
         todo = list(self._todo(repeats))
         again: Child | None = None  # repeats need no process of their own: the first run has told the memory
         names = {s.reference for s in self.sweep.settings} & set(self.references)
         missing = [name for name in names if self._stored(name) is None]
         try:
-            with saving(), counted(len(todo) + 3 * len(missing), "measuring", self.verbosity) as step:
+            with saving(), counted("measuring", len(todo) + 3 * len(missing), self.verbosity > 0) as step:
                 for name in self.references:
                     if name in missing:
                         start = time.perf_counter()

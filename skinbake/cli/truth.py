@@ -39,7 +39,6 @@ def command(
     that was stopped goes on where it was.
     """
     from skinbake.baking.truth import bare_look, measure_truth
-    from skinbake.cli.progress_bar import counted
     from skinbake.io.config import load_look
     from skinbake.io.fingerprint import every_input
     from skinbake.io.output_names import refuse_inputs
@@ -50,8 +49,7 @@ def command(
     folder = Path(bare_look(look).output.dir)
     chart = folder / "truth.png"
     refuse_inputs([chart, folder / NAME, folder / WALKS], [config, *every_input(look)])
-    with counted(points, "walking", verbosity) as step:
-        truth = measure_truth(look, points, walks, terms, max(0, verbosity - 1), step)
+    truth = measure_truth(look, points, walks, terms, verbosity)
     write_truth_chart(chart, f"{Path(config).name}: {points} points, {walks} walks", truth["error"], truth["split"])
     if as_json:
         print(json.dumps({name: truth[name] for name in ("medium", "error", "without", "split")}, indent=1))

@@ -55,6 +55,8 @@ def scatter(
     remember : callable, optional
         As in `diffuse`.
     """
+    tell = say or (lambda text: None)
+    tell("light that enters the skin")
     entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
     diffused = diffuse(
         entering.rgb,
@@ -72,6 +74,7 @@ def scatter(
     mean_albedo, plan = entering.mean_albedo, entering.plan
     del entering
     texture, terms = spec.texture, spec.terms
+    tell("light through thin parts")
     through, line = transmit(
         diffused,
         scene.mesh,

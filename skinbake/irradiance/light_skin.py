@@ -22,6 +22,7 @@ def light_skin(
     atlas: Atlas,
     names: tuple[str, ...] | None = None,
     rounded: Callable[[NDArray[np.float32]], NDArray[np.floating]] = lambda image: image,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of the look's lights, one map a tile; a light's values do not depend on the other lights.
 
@@ -36,6 +37,8 @@ def light_skin(
         Lights to compute; all of them by default.
     rounded : callable
         Makes of a light's (H, W, 4), irradiance and unshadowed share, what is kept of it, before the next is computed.
+    tell : callable
+        Told in words which light begins.
     """
     return light_texels(
         atlas,
@@ -50,4 +53,5 @@ def light_skin(
         tolerance=spec.diffusion.tolerance,
         occluder=scene.occluder,
         rounded=rounded,
+        tell=tell,
     )

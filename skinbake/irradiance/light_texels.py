@@ -43,6 +43,7 @@ def light_texels(
     tolerance: float = 0.01,
     occluder: Occluder | None = None,
     rounded: Callable[[Image], NDArray[np.floating]] = lambda image: image,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of each light at each texel, one map a tile.
 
@@ -72,6 +73,8 @@ def light_texels(
     rounded : callable
         Takes a light's (H, W, 4), irradiance and unshadowed share, and gives what is to be kept of it before the next
         is computed in its place: with halves, only one light's floats are in memory.
+    tell : callable
+        Told in words which light begins.
     """
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     # A copy: numba would compile once more for a read-only array
@@ -91,7 +94,8 @@ def light_texels(
         surface = texel_surface(raster, mesh, maps, specular, occluder)
         found = []
         lit = np.empty((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
-        for light in lights:
+        for k, light in enumerate(lights):
+            tell(f"{light.name}, {k + 1} of {len(lights)}")
             casts = shadows if light.shadows is None else light.shadows
             if isinstance(light, RectangleLight):
                 arriving, lit[..., 3] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)

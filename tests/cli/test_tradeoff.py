@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from skinbake.cli import run
 from skinbake.cli.measuring import Child, exact_values, in_child
-from skinbake.cli.progress_bar import time_left
 from skinbake.errors import InputError, MachineError
 from skinbake.io.config import load_look
 from skinbake.io.mesh import write_obj
@@ -122,11 +121,6 @@ def test_equal_pictures_look_equal():
     ]
     assert 0 < found[0][0] < found[1][0]
     assert 1 > found[0][1] > found[1][1]
-
-
-def test_time_left_in_words():
-    """Seconds, then minutes."""
-    assert [time_left(s) for s in (0.2, 31, 600)] == ["done", "about 31 s left", "about 10 min left"]
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -39,10 +39,17 @@ class IrradianceStage(Stage[Maps, Maps]):
     name = "irradiance"
 
     def __init__(
-        self, inputs: BakeInputs, raster: RasterStage, results: ResultStore, session: BakeSession, timer: StageTimer
+        self,
+        inputs: BakeInputs,
+        raster: RasterStage,
+        results: ResultStore,
+        session: BakeSession,
+        timer: StageTimer,
+        say: Callable[[str], None],
     ) -> None:
         super().__init__(timer)
         self._inputs, self._raster, self._results, self._session = inputs, raster, results, session
+        self._say = say
 
     @cached_property
     def light_keys(self) -> dict[str, str]:
@@ -99,7 +106,7 @@ class IrradianceStage(Stage[Maps, Maps]):
 
         def trace(names: tuple[str, ...]) -> dict[str, Arrays]:
             rounded = partial(as_stored, precision=spec.output.precision)
-            made = light_skin(spec, inputs.decisions, inputs.scene(), atlas, names, rounded)
+            made = light_skin(spec, inputs.decisions, inputs.scene(), atlas, names, rounded, self._say)
             self._session.traced += names
             return _by_light(made)
 

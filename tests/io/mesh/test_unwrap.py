@@ -7,7 +7,6 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from skinbake.baking.stage_log import StageLog, in_words
 from skinbake.io.mesh import unwrap, xatlas_layout
 from tests.shapes import relief
 
@@ -61,17 +60,18 @@ def test_a_damaged_layout_is_made_again(large, tmp_path):
     np.testing.assert_array_equal(unwrap.unwrap_mesh(large).corner_uv, first.corner_uv)
 
 
-def test_a_long_wait_is_told(capsys, monkeypatch):
-    """With its length in words, now and then how far it is; a short one, or to the quiet, is not."""
-    monkeypatch.setattr("skinbake.baking.stage_log.TELL_S", 0.0)
-    with StageLog(1).waiting("xatlas unwraps 9 triangles", 240.0) as tick:
-        tick()
-    assert capsys.readouterr().err == ("  xatlas unwraps 9 triangles: takes about 4 min\n    1 s of about 4 min\n")
-    for log, seconds in ((StageLog(1), 1.0), (StageLog(0), 240.0)):
-        with log.waiting("xatlas", seconds) as tick:
-            tick()
-    assert capsys.readouterr().err == ""
-    assert in_words(60.0) == "60 s"
+def test_a_long_wait_is_told(large, monkeypatch):
+    """What for, and for about how long; the layout that is kept is not waited for."""
+    told = []
+
+    @contextmanager
+    def waiting(what, seconds):
+        told.append((what, seconds))
+        yield lambda: None
+
+    for _ in range(2):
+        unwrap.unwrap_mesh(large, waiting=waiting)
+    assert told == [(f"xatlas unwraps {len(large.faces)} triangles", unwrap.unwrap_seconds(len(large.faces)))]
 
 
 def test_a_process_that_starts_slowly_gets_the_whole_mesh(large, monkeypatch):
