@@ -90,7 +90,7 @@ class Task:
     @property
     def pace(self) -> float:
         """How much longer parts take than was expected: known the better, the more of them have ended."""
-        whole = sum(self.parts.values())
+        whole = self.past + sum(self.parts.values())
         return (self.taken + 0.1 * whole) / (self.past + 0.1 * whole) if whole else 1.0
 
 
@@ -211,12 +211,14 @@ class Progress:
         if not outer.parts:
             return words, outer.share(now), outer.left(now)
         within = [task for task in self._tasks[1:] if task.name in outer.parts or not task.apart]
+        foreseen = inner is outer or inner in within
+        at = now if foreseen else now - inner.spent(now)  # for the others, time stands still meanwhile
         begun = {task.name for task in within}
         left = sum(seconds for name, seconds in outer.parts.items() if name not in begun) * outer.pace
-        left += sum(task.left(now) or 0.0 for task in within)
-        spent = outer.spent(now)
+        left += sum(task.left(at) or 0.0 for task in within)
+        spent = outer.spent(at)
         outer.shown = max(outer.shown, min(spent / max(spent + left, 1e-9), LATE))
-        return words, outer.shown, left if inner in (outer, *within) else None  # else what nobody has foreseen
+        return words, outer.shown, left if foreseen else None
 
     def _draw(self, now: float) -> None:
         """The bar, in the terminal's last line."""

@@ -62,16 +62,25 @@ def test_quiet_says_nothing(python):
     assert python(RUN, "0") == ""
 
 
+def _piece(descriptor):
+    """What is there to be read."""
+    try:
+        return os.read(descriptor, 1 << 16)
+    except BlockingIOError:
+        return b""
+
+
 def test_a_bar_on_a_terminal(python):
     """Drawn while a kernel is compiled; lines of stages stand whole above it."""
+    soon = "from skinbake import progress; progress.SHORT_S, progress.DRAW_S = 0.01, 0.05\n"
     ours, theirs = pty.openpty()
     try:
-        python(
-            "import skinbake.progress\nskinbake.progress.SHORT_S = skinbake.progress.DRAW_S = 0.001\n" + RUN,
-            "1",
-            stderr=theirs,
-        )
-        said = os.read(ours, 1 << 16).decode()
+        python(soon + RUN, "1", stderr=theirs)
+        os.set_blocking(ours, False)
+        said = b""
+        while piece := _piece(ours):
+            said += piece
+        said = said.decode()
     finally:
         os.close(ours)
         os.close(theirs)
