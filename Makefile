@@ -40,7 +40,7 @@ install: $(READY)  ## make .venv, install the project, see that headless OpenGL 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "skinbake needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,farm]'
+	@$(BIN)/python -m skinbake.install -e '.[dev,farm]'
 	$(BIN)/python -m skinbake.preview.setup_gl
 	@touch $@
 

@@ -12,6 +12,7 @@ ORDER = [
     "errors",
     "interrupt",
     "progress",
+    "install",
     "numerics",
     "machine",
     "kernels",
