@@ -7,6 +7,9 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
+from skinbake.irradiance.irradiance_map import decided_for
+from skinbake.scene.budget import left_wrong
+
 if TYPE_CHECKING:  # each stage knows what it needs; here there are only their results
     from skinbake.atlas import Atlas
     from skinbake.diffuse import DiffuseMap
@@ -114,10 +117,15 @@ class Baked:
     @property
     def plan(self) -> tuple[Decision, ...]:
         """Every decision of the bake, in the order of its stages."""
-        first = self.irradiance[0]
-        lights = tuple(line for name in first.lights for line in first.plan.get(name, ()))
-        size = self.decisions.texture_size
-        return (*((size,) if size else ()), self.decisions.energy_conservation, *lights, *self.diffuse.plan)
+        return (*self.decisions.of_look, *decided_for(self.irradiance), *self.diffuse.plan)
+
+    @property
+    def left_wrong(self) -> float | None:
+        """Root mean square of all that is left wrong, as a share of the light that it is worst for: the blur's error as
+        it was measured, and what the plan is estimated to leave out; None where nothing was measured.
+        """
+        error = self.diffuse.error
+        return left_wrong(self.plan, self.irradiance[0].lights, error.rms) if error else None
 
 
 def bake(stages: Stages) -> Baked:

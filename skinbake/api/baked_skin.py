@@ -14,6 +14,7 @@ from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse import MeasuredError
 from skinbake.errors import InputError
 from skinbake.numerics import Float
+from skinbake.scene.budget import left_wrong
 from skinbake.scene.decision import Decision
 from skinbake.scene.spec import SceneSpec
 
@@ -87,9 +88,17 @@ class BakedSkin:
         self._pixels = pixels
 
     @property
+    def left_wrong(self) -> float | None:
+        """Root mean square of all that is left wrong, as a share of the light that it is worst for: the blur's error as
+        measured, and what the plan is estimated to leave out; None where nothing was measured.
+        """
+        return None if self.error is None else left_wrong(self.plan, self.lights, self.error.rms)
+
+    @property
     def tolerance_met(self) -> bool:
-        """Whether the measured error is within `diffusion.tolerance`; True where none was measured."""
-        return self.error is None or self.error.rms <= self.look.diffusion.tolerance
+        """Whether what is left wrong is within `diffusion.tolerance`; True where nothing was measured."""
+        left = self.left_wrong
+        return left is None or left <= self.look.diffusion.tolerance
 
     @property
     def verdict(self) -> str:
@@ -98,7 +107,10 @@ class BakedSkin:
             return "the blur was not measured"
         met = "within" if self.tolerance_met else "not within"
         tolerance = self.look.diffusion.tolerance
-        return f"the blur is off by {self.error.rms:.2%} rms, {met} its tolerance of {tolerance:.2%}"
+        return (
+            f"the blur is off by {self.error.rms:.2%} rms, all that is left wrong by {self.left_wrong:.2%}, {met} the "
+            f"tolerance of {tolerance:.2%}"
+        )
 
     def _repr_html_(self) -> str:
         """The light leaving the first tile as a picture, and the verdict: what a notebook shows."""

@@ -55,7 +55,7 @@ class BakeInputs:
         self._tiles: tuple[int, ...] | None = None if spec.texture.udim else (FIRST_TILE,)
         self.texture_size = self._texture_size()
         self.spec = at_size(spec, self.texture_size)
-        self.decisions = replace(decide(self.spec), texture_size=self.texture_size.decision)
+        self.decisions = replace(decide(self.spec, self.texture_size.lost), texture_size=self.texture_size.decision)
 
     def _texture_size(self) -> TextureSize:
         """The size to work at, which every stage's key holds; what looks of one process share is decided once."""

@@ -42,8 +42,14 @@ def finish_manifest(results: FolderStore, manifest: dict[str, Any]) -> None:
 
 
 def _other_errors(inputs: BakeInputs, baked: Baked) -> dict[str, Any]:
-    """What is not measured at the probes: the fit's error, and the estimated loss of a coarser texture."""
-    return {"fit": baked.gaussians.relative_error_rgb.tolist(), "texture_size": round(inputs.texture_size.lost, 6)}
+    """What is not measured at the probes: the fit's error, the estimated loss of a coarser texture, and the root of the
+    squares of all that is left wrong.
+    """
+    return {
+        "fit": baked.gaussians.relative_error_rgb.tolist(),
+        "texture_size": round(inputs.texture_size.lost, 6),
+        "left_wrong": round(baked.left_wrong or 0.0, 6),
+    }
 
 
 def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: Baked) -> dict[str, Any]:

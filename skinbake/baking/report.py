@@ -33,6 +33,9 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, 
         )
     if lost:
         log.say(f"  the texture size's error, against the size asked for: {lost:.2%}, estimated")
+    if baked.left_wrong is not None:
+        tolerance = baked.decisions.budget.tolerance
+        log.say(f"  all that is left wrong, of any one light: rms {baked.left_wrong:.3%} of {tolerance:.3%}")
     if model:
         log.say(
             f"  the model's error, against light transport, {model['points']} points: "

@@ -167,7 +167,9 @@ def examine(spec: SceneSpec, waiting: Waiting | None = None) -> tuple[dict[str, 
             *_coarse(spec, texel_mm, gaussians),
             *unreached(spec.lights, scene.mesh, spec.texture.size, scene.environments, spec.shadows),
         ],
-        "expected": expected(at_size(spec, size), uv, len(atlas), gaussians.variance_mm2.tolist(), images_mib, casters),
+        "expected": expected(
+            at_size(spec, size), uv, len(atlas), gaussians.variance_mm2.tolist(), images_mib, casters, size.lost
+        ),
     }
     tiles = [raster.tile for raster in atlas]
     return report, list(zip(tiles, report_picture(uv, atlas), strict=True)), uv
@@ -217,6 +219,7 @@ def expected(
     variance_mm2: Sequence[float],
     images_mib: float = 0.0,
     casters: int = 0,
+    lost: float = 0.0,
 ) -> dict[str, float]:
     """Memory, seconds and file sizes of a bake of this look and of its picture, once its machine code is compiled.
 
@@ -235,12 +238,15 @@ def expected(
         Of maps and skies.
     casters : int
         Triangles besides the skin's.
+    lost : float
+        Error of a texture that is coarser than asked for.
     """
     from skinbake.diffuse.methods import METHODS
     from skinbake.diffuse.planning.rules import stored_level
     from skinbake.diffuse.terms.transmission import transmitted_level
     from skinbake.io.mesh.unwrap import unwrap_seconds
     from skinbake.io.user_cache import user_cache
+    from skinbake.scene.budget import budget_of
 
     lights, summed = len(spec.lights), not spec.output.separate_lights
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
@@ -248,7 +254,7 @@ def expected(
     covered = megatexels * uv.coverage
     texel_mm2 = uv.area_mm2 / max(covered * 2**20, 1)
     # Texels of all lobes, in full textures: the sizes of the plan's rule for surface sums, and light through thin parts
-    bilinear_error, tolerance = METHODS["surface"].bilinear_error, spec.diffusion.tolerance
+    bilinear_error, tolerance = METHODS["surface"].bilinear_error, budget_of(spec, lost).blur
     levels = [stored_level(bilinear_error, float(v), max(texel_mm2, 1e-12), tolerance, _SMALLEST) for v in variance_mm2]
     kept = [4.0**-level for level in levels]
     if spec.terms.transmission != "off":

@@ -69,7 +69,7 @@ class DiffuseMap:
         Of the weighted sum of the lobes as they are read back; None without probes.
     plan : tuple of Decision
     tolerance_met : bool
-        Whether `error.rms` is within the tolerance that was asked for; True without probes.
+        Whether what is left wrong is within the tolerance that was asked for; True without probes.
     advice : str
         When it is not: the knob that would help.
     """

@@ -6,7 +6,7 @@ face make of it begins here, light by light, so that each stays linear in its li
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium
+from skinbake.scene.budget import Budget, left_wrong
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
 from skinbake.scene.lights import EnvironmentLight, LightSpec
 from skinbake.scene.maps import SkinMaps
@@ -61,6 +62,8 @@ class LightEntering:
     mean_albedo : ndarray of shape (3,)
         Of the skin.
     plan : tuple of Decision
+    coarseness : float
+        Of the light that skin sends to skin, which all lights together decide (`Receivers`); 0 without such light.
     """
 
     names: tuple[str, ...]
@@ -68,6 +71,7 @@ class LightEntering:
     beam: BeamLight | None
     mean_albedo: Float
     plan: tuple[Decision, ...]
+    coarseness: float = 0.0
 
 
 def light_entering(
@@ -107,10 +111,11 @@ def light_entering(
             for of in spec.lights
             if isinstance(of, EnvironmentLight) and of.name in scene.environments
         }
-    slanted, plan = _decide_incidence(spec, slant, skies, medium.why)
+    budget = decisions.budget
+    slanted, plan = _decide_incidence(spec, budget, slant, skies, medium.why)
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     exponent = np.float32(spec.texturing.exponent_before)
-    shifts, shifted, lines = _decide_beam(spec, scene, atlas, irradiance, gaussians, medium)
+    shifts, shifted, lines = _decide_beam(spec, budget, scene, atlas, irradiance, gaussians, medium)
     plan += lines
     light, further = {}, {}
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
@@ -137,7 +142,12 @@ def light_entering(
 
     counted = slanted | ({TOTAL_LIGHT} if slanted else set())
     gain = {name: _entering_again(spec, decisions, slant if name in counted else None) for name in names}
-    plan += _bounce(spec, scene, atlas, names, light, [a * _total(gaussians) for a in albedo], gain)
+    # What of a light is left out already; of lights that are stored summed, each may be the only one
+    spent = left_wrong(plan, names if decisions.separate_lights else irradiance[0].lights, 0.0)
+    spent_of = {name: left_wrong(plan, (name,), 0.0) if decisions.separate_lights else spent for name in names}
+    limits = [budget.terms_left(name, spent_of[name]) for name in names]
+    lines, coarseness = _bounce(spec, scene, atlas, names, light, [a * _total(gaussians) for a in albedo], gain, limits)
+    plan += lines
 
     area = [raster.area_mm2[..., None] for raster in atlas]
     total = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True))
@@ -148,7 +158,7 @@ def light_entering(
             np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
     free_path = free_path_of(medium)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
-    return LightEntering(names, light, beam, total / sum(map(np.sum, area)), tuple(plan))
+    return LightEntering(names, light, beam, total / sum(map(np.sum, area)), tuple(plan), coarseness)
 
 
 def _named(spec: SceneSpec, name: str) -> LightSpec:
@@ -158,6 +168,7 @@ def _named(spec: SceneSpec, name: str) -> LightSpec:
 
 def _decide_beam(
     spec: SceneSpec,
+    budget: Budget,
     scene: SceneData,
     atlas: Atlas,
     irradiance: tuple[IrradianceMap, ...],
@@ -169,13 +180,14 @@ def _decide_beam(
     Parameters
     ----------
     spec : SceneSpec
+    budget : Budget
     scene : SceneData
     atlas : Atlas
     irradiance : tuple of IrradianceMap
     gaussians : GaussianSum
     medium : SkinMedium
     """
-    switch, tolerance = spec.terms.beam, spec.diffusion.tolerance
+    switch = spec.terms.beam
     if switch == "off":
         return [], set(), [Decision("beam", False, "off")]
     free_path = free_path_of(medium)
@@ -198,7 +210,8 @@ def _decide_beam(
             moved_share(raster, shift, light, tile.rgb[i].astype(np.float32)) for raster, shift, tile in of_tiles
         ]
         moved, there = np.sum(squares, axis=0)
-        lines.append(decide_beam(name, share * float(np.sqrt(moved / there)) if there > 0 else 0.0, switch, tolerance))
+        lost = share * float(np.sqrt(moved / there)) if there > 0 else 0.0
+        lines.append(decide_beam(name, lost, switch, budget.terms_left(name)))
     return shifts, {line.term.removesuffix(".beam") for line in lines if line.enabled}, lines
 
 
@@ -220,15 +233,13 @@ def _total(gaussians: GaussianSum) -> Image:
 
 
 def _decide_incidence(
-    spec: SceneSpec, slant: Slant | None, skies: dict[str, SkySlant], why_not: str
+    spec: SceneSpec, budget: Budget, slant: Slant | None, skies: dict[str, SkySlant], why_not: str
 ) -> tuple[set[str], list[Decision]]:
     """Names of the lights whose light is multiplied by the factors, and the plan's lines."""
     switch = spec.terms.incidence
     if switch == "off" or slant is None:
         return set(), [Decision("incidence", False, "off" if switch == "off" else f"{switch}: {why_not}")]
-    lines = [
-        decide_incidence(light, slant, skies.get(light.name), switch, spec.diffusion.tolerance) for light in spec.lights
-    ]
+    lines = [decide_incidence(light, slant, skies.get(light.name), switch, budget.negligible) for light in spec.lights]
     return {of.name for of, line in zip(spec.lights, lines, strict=True) if line.enabled}, lines
 
 
@@ -250,8 +261,9 @@ def _bounce(
     light: dict[int, Image],
     reflected: list[Image],
     gain: dict[str, Image],
-) -> list[Decision]:
-    """Add to each light what skin sends on to skin, where that is worth it, and say so.
+    limits: list[float],
+) -> tuple[list[Decision], float]:
+    """Add to each light what skin sends on to skin, where that is worth it, and say so and how coarsely.
 
     Parameters
     ----------
@@ -265,20 +277,25 @@ def _bounce(
         What of it leaves as M, by tile.
     gain : dict of str to ndarray of shape (3,)
         By light, what of light from skin counts where it enters.
+    limits : list of L float
+        What may be left out of each light.
     """
-    terms, tolerance, udim = spec.terms, spec.diffusion.tolerance, spec.texture.udim
+    terms, udim = spec.terms, spec.texture.udim
     if terms.interreflection == "off":
-        return [Decision("interreflection", False, "off")]
+        return [Decision("interreflection", False, "off")], 0.0
     again = [colour * np.mean(list(gain.values()), axis=0) for colour in reflected]
-    lines = decide_interreflection(
-        scene.mesh, scene.occluder, names, list(light.values()), again, atlas, udim, terms.interreflection, tolerance
+    lines, bounced = decide_interreflection(
+        scene.mesh, scene.occluder, names, list(light.values()), again, atlas, udim, terms.interreflection, limits
     )
     if not any(line.enabled for line in lines):
-        return lines
-    receiver_mm, rays = receivers(tolerance)
+        return lines, 0.0
+    kept = [i for i, line in enumerate(lines) if line.enabled]
+    taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept])
+    for i in kept:
+        lines[i] = replace(lines[i], error=taken.error(bounced[i]))
     view = look_around(
-        scene.mesh, scene.occluder, spec.texture.size, spec.texture.gutter, udim, receiver_mm, rays
-    )  # fmt: skip
+        scene.mesh, scene.occluder, spec.texture.size, spec.texture.gutter, udim, taken.width_mm, taken.rays
+    )
     for i, (name, line) in enumerate(zip(names, lines, strict=True)):
         if not line.enabled:
             continue
@@ -286,7 +303,7 @@ def _bounce(
         found = bounced_light(view, sent, [gain[name] * colour for colour in reflected], terms.bounces)
         for raster, small in zip(atlas, found, strict=True):
             add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
-    return lines
+    return lines, taken.coarser
 
 
 def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> Image:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from math import sqrt
+from typing import Any
 
 from skinbake.atlas import Atlas
 from skinbake.diffuse.diffuse import diffuse
@@ -11,13 +14,15 @@ from skinbake.diffuse.diffuse_map import DiffuseMap
 from skinbake.diffuse.light_entering import light_entering
 from skinbake.diffuse.memoize import Memoize
 from skinbake.diffuse.memory import check_memory
+from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.terms.beam import free_path_of
 from skinbake.diffuse.terms.transmission import transmit
-from skinbake.irradiance.irradiance_map import IrradianceMap
+from skinbake.irradiance.irradiance_map import IrradianceMap, decided_for
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
+from skinbake.scene.budget import left_wrong
 from skinbake.scene.decision import Decisions
 from skinbake.scene.spec import SceneSpec
 
@@ -64,16 +69,21 @@ def scatter(
         atlas,
         scene.mesh,
         gaussians,
-        spec.diffusion,
+        decisions.budget.of_blur(spec.diffusion),
         seed=spec.output.seed,
         precision=spec.output.precision,
         progress=say,
-        remember=remember,
+        remember=partial(_as_coarse, remember, entering.coarseness) if remember else None,
         beam=entering.beam,
     )
     mean_albedo, plan = entering.mean_albedo, entering.plan
     del entering
-    texture, terms = spec.texture, spec.terms
+    texture, terms, budget = spec.texture, spec.terms, decisions.budget
+    # What each light's terms have left, the blur's error taken as measured
+    blur, lights = diffused.error.rms if diffused.error else budget.blur, irradiance[0].lights
+    before = (*decisions.of_look, *decided_for(irradiance))
+    spent = left_wrong((*before, *plan), lights, blur)
+    limit = sqrt(max(budget.tolerance**2 - spent**2, 0.0))
     tell("light through thin parts")
     through, line = transmit(
         diffused,
@@ -87,8 +97,25 @@ def scatter(
         spec.diffusion.tolerance,
         None if terms.transmission == "off" else scene.occluder,
         skin_medium(spec.skin),
+        limit,
     )
-    return replace(diffused, lobes=diffused.lobes + ((through,) if through else ()), plan=(*plan, *diffused.plan, line))
+    plan = (*plan, *diffused.plan, line)
+    left = left_wrong((*before, *plan), lights, blur)
+    met = diffused.error is None or left <= budget.tolerance
+    return replace(
+        diffused,
+        lobes=diffused.lobes + ((through,) if through else ()),
+        plan=plan,
+        tolerance_met=met,
+        advice="" if met else diffused.advice or too_much((*before, *plan), left, budget.tolerance),
+    )
+
+
+def _as_coarse(
+    remember: Memoize, coarseness: float, kind: tuple[Any, ...], names: tuple[str, ...], make: Callable[..., Any]
+) -> Any:
+    """What is known of lights to which skin sends light as coarsely: with other lights beside them that may differ."""
+    return remember((*kind, coarseness), names, make)
 
 
 def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int) -> None:

@@ -50,6 +50,8 @@ def _merged(base: Any, over: Any, at: Key, places: dict[Key, str], source: Locat
         result = {key: value for key, value in base.items() if key in _KEPT_OF_A_SKIN}
     if at == ("skin", "medium") and {"preset", "model"} & set(over):
         result = {}
+    if not at:
+        result = _without_other_tolerance(result, over)
     alternatives = _EITHER.get(at, set())
     if alternatives & set(over):
         result = {key: value for key, value in result.items() if key not in alternatives}
@@ -59,3 +61,13 @@ def _merged(base: Any, over: Any, at: Key, places: dict[Key, str], source: Locat
         else:
             result[key] = _merged(None, value, (*at, key), places, source)
     return result
+
+
+def _without_other_tolerance(base: dict[Any, Any], over: dict[Any, Any]) -> dict[Any, Any]:
+    """A look without the tolerance that what is laid on it gives the other way."""
+    diffusion = base.get("diffusion")
+    if isinstance(over.get("diffusion"), dict) and "tolerance" in over["diffusion"]:
+        return {key: value for key, value in base.items() if key != "tolerance"}
+    if "tolerance" in over and isinstance(diffusion, dict):
+        return base | {"diffusion": {key: value for key, value in diffusion.items() if key != "tolerance"}}
+    return base

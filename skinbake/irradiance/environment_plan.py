@@ -1,7 +1,7 @@
 """Plan of a sky, decided by measuring: harmonics or a table, and how many directions for its shadows.
 
-A tolerance is spent as a sum of squares: the harmonics' cut, the directions' noise and the interpolation between traced
-texels may take `HARMONICS_SHARE`, `SAMPLING_SHARE` and about a third of it.
+A tolerance is spent as a sum of squares: the harmonics' cut may take `HARMONICS_SHARE` of it, the interpolation between
+traced texels takes about a third, and the directions' noise may take what these leave.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
-HARMONICS_SHARE, SAMPLING_SHARE = 0.25, 0.9
-VARIATION = 10.0  # tolerances by which the visible share may differ between texels that are interpolated: 0.35 rms
+HARMONICS_SHARE = 0.25
+VARIATION = 10.0  # tolerances by which the visible share may differ between texels that are interpolated
+INTERPOLATED = 0.35  # tolerances, rms, that this costs
 WIDEST_VARIATION = 0.2
 MOST, FEWEST = 4096, 16  # directions
 POINTS = 16384  # of the skin: a dark place that fills one in this many of them costs 0.8 % rms
@@ -105,7 +106,7 @@ def plan_environment(
     matrix, table, line = _choose_unshadowed(light, radiance, tolerance)
     sky = SkySamples(radiance, light.rotate_deg)
     offset = (seed * 0x9E3779B97F4A7C15 + zlib.crc32(light.name.encode())) % 2**32 / 2**32
-    samples, lines = 0, [line]
+    samples, lines, noise = 0, [line], 0.0
     if shadows if light.shadows is None else light.shadows:
         term = f"{light.name}.shadows"
         if light.samples is not None:
@@ -113,10 +114,13 @@ def plan_environment(
         else:
             origin, normal = scattered_origins(mesh, occluder, size, POINTS)
             base = _unshadowed(matrix, table, normal[None], np.ones((1, len(normal)), np.bool_))[0]
-            samples, why = _fewest_samples(
-                sky, offset, occluder, origin, normal, base, SAMPLING_SHARE * tolerance, bool(light.shadows)
+            limit = float(np.sqrt(tolerance**2 * (1 - INTERPOLATED**2) - line.error**2))
+            samples, why, noise = _fewest_samples(
+                sky, offset, occluder, origin, normal, base, limit, bool(light.shadows)
             )
-        lines.append(Decision(term, samples > 0, why))
+            if samples:
+                noise = float(np.hypot(noise, INTERPOLATED * min(tolerance, WIDEST_VARIATION / VARIATION)))
+        lines.append(Decision(term, samples > 0, why, noise))
     variation = min(VARIATION * tolerance, WIDEST_VARIATION)
     return EnvironmentPlan(sky, offset, samples, variation, matrix, table, tuple(lines))
 
@@ -133,7 +137,11 @@ def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: floa
     why = f"order 2 is off by {error:.2%} rms of the exact cosine, {'within' if kept else 'above'} {limit:.2%}"
     table = np.zeros((0, 0, 3), np.float32) if kept else irradiance_table(radiance, light.rotate_deg)
     matrix = matrix if kept else np.zeros((3, 0, 0))
-    return matrix * light.scale, table * np.float32(light.scale), Decision(f"{light.name}.harmonics", kept, why)
+    return (
+        matrix * light.scale,
+        table * np.float32(light.scale),
+        Decision(f"{light.name}.harmonics", kept, why, error if kept else 0.0),
+    )
 
 
 def _fewest_samples(
@@ -145,9 +153,9 @@ def _fewest_samples(
     base: Image,
     limit: float,
     must: bool,
-) -> tuple[int, str]:
-    """Number of directions that keeps the rms error of the light within `limit`, 0 if shadows matter less, and the
-    reason.
+) -> tuple[int, str, float]:
+    """Number of directions that keeps the rms error of the light within `limit`, 0 if shadows matter less, the reason,
+    and the error that is left.
 
     The noise of n directions is found from their distance to 4 n others, whose own noise is taken as 1 / sqrt(8) of it:
     between that of random directions, a half, and that of a low-discrepancy sequence, a quarter.
@@ -156,7 +164,7 @@ def _fewest_samples(
     without = _relative(base, base * share)
     shadows = f"shadows take {without:.2%} rms off"
     if without <= limit and not must:
-        return 0, f"{shadows}, no more than {limit:.2%}"
+        return 0, f"{shadows}, no more than {limit:.2%}", without
     origin, normal, base = (np.ascontiguousarray(values[::POINTS_EACH]) for values in (origin, normal, base))
 
     def more(shift: float, before: int, count: int) -> Float:
@@ -176,7 +184,8 @@ def _fewest_samples(
         error, traced = difference / np.sqrt(1 + 1 / 8), samples
         if error <= limit or samples == MOST:
             verdict = "within" if error <= limit else "the most there are, above"
-            return samples, f"{shadows}; {samples} directions are off by {error:.2%}{before}, {verdict} {limit:.2%}"
+            why = f"{shadows}; {samples} directions are off by {error:.2%}{before}, {verdict} {limit:.2%}"
+            return samples, why, float(error)
         before = f" ({samples} by {error:.2%})"
         samples *= 2
 

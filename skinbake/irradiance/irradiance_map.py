@@ -42,3 +42,9 @@ class IrradianceMap:
     def total(self) -> NDArray[np.float32]:
         """Sum over the lights, (H, W, 3), float32."""
         return self.rgb.sum(axis=0, dtype=np.float32)
+
+
+def decided_for(maps: tuple[IrradianceMap, ...]) -> tuple[Decision, ...]:
+    """The plan's lines on all lights, in their order."""
+    first = maps[0]
+    return tuple(line for name in first.lights for line in first.plan.get(name, ()))

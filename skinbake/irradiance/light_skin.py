@@ -50,7 +50,7 @@ def light_skin(
         energy_conservation=decisions.energy_conservation.enabled,
         environments=scene.environments,
         seed=spec.output.seed,
-        tolerance=spec.diffusion.tolerance,
+        tolerance=decisions.budget.sky,
         occluder=scene.occluder,
         rounded=rounded,
         tell=tell,

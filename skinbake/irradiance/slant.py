@@ -109,7 +109,7 @@ def slant_rms(slant: Slant, light: LightSpec, sky: SkySlant | None = None) -> fl
     return float(np.sqrt((error**2).mean()))
 
 
-def decide_incidence(light: LightSpec, slant: Slant, sky: SkySlant | None, switch: str, tolerance: float) -> Decision:
+def decide_incidence(light: LightSpec, slant: Slant, sky: SkySlant | None, switch: str, negligible: float) -> Decision:
     """Whether the factors of the slant are worth it for a light.
 
     Parameters
@@ -119,12 +119,14 @@ def decide_incidence(light: LightSpec, slant: Slant, sky: SkySlant | None, switc
     sky : SkySlant, optional
         Of a light that has a map.
     switch : "auto" or "on"
-    tolerance : float
+    negligible : float
+        It costs next to nothing, and is left out below this only.
     """
     rms = slant_rms(slant, light, sky)
     which = "from everywhere" if light.everywhere else "at a slant"
-    why = f"{switch}: light {which} comes back otherwise by {rms:.2%} (rms), tolerance {tolerance:.2%}"
-    return Decision(f"{light.name}.incidence", switch == "on" or rms > tolerance, why)
+    why = f"{switch}: light {which} comes back otherwise by {rms:.2%} (rms); left out below {negligible:.2%}"
+    kept = switch == "on" or rms > negligible
+    return Decision(f"{light.name}.incidence", kept, why, 0.0 if kept else rms)
 
 
 def apply_slant(

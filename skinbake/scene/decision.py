@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
+
+from skinbake.scene.budget import Budget
 
 TOTAL_LIGHT = "total"
 
@@ -21,15 +24,21 @@ class Decision:
         Whether the term is computed.
     why : str
         The number that decided, in a sentence.
+    error : float
+        Estimated root mean square, as a share of the light, that this choice leaves wrong.
     """
 
     term: str
     enabled: bool
     why: str
+    error: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "error", round(float(self.error), 6))  # as files hold it
 
     def record(self) -> dict[str, Any]:
-        """The line as the manifest and the EXR headers hold it: `term`, `kept`, `why`."""
-        return {"term": self.term, "kept": self.enabled, "why": self.why}
+        """The line as the manifest and the EXR headers hold it: `term`, `kept`, `why`, `error`."""
+        return {"term": self.term, "kept": self.enabled, "why": self.why, "error": self.error}
 
     @staticmethod
     def from_record(record: Mapping[str, Any]) -> Decision:
@@ -42,7 +51,10 @@ class Decision:
         """
         if not all(isinstance(record[key], of) for key, of in (("term", str), ("kept", bool), ("why", str))):
             raise TypeError(f"expected a term, whether it is kept, and why, got {record!r:.100}")
-        return Decision(record["term"], record["kept"], record["why"])
+        error = record.get("error", 0.0)
+        if not isinstance(error, float | int) or not isfinite(error):
+            raise TypeError(f"expected a number as error, got {error!r:.100}")
+        return Decision(record["term"], record["kept"], record["why"], float(error))
 
 
 def kept_of_any_light(plan: Iterable[Decision], term: str) -> bool:
@@ -62,6 +74,8 @@ class Decisions:
         Whether each light is diffused and stored on its own.
     stored_lights : tuple of str
         Names of the lights that lobes hold: those of the look, or "total" where they are summed before diffusion.
+    budget : Budget
+        How the tolerance is parted.
     texture_size : Decision, optional
         Whether the size that the look asks for is kept; None where its tolerance leaves no choice.
     """
@@ -69,4 +83,10 @@ class Decisions:
     energy_conservation: Decision
     separate_lights: bool
     stored_lights: tuple[str, ...]
+    budget: Budget
     texture_size: Decision | None = None
+
+    @property
+    def of_look(self) -> tuple[Decision, ...]:
+        """The first lines of the plan."""
+        return (*((self.texture_size,) if self.texture_size else ()), self.energy_conservation)

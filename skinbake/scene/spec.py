@@ -287,7 +287,7 @@ class DiffusionSpec(Strict):
     method: str = AUTO
     """How lobes are blurred; `auto` takes the cheapest for each lobe, as measured on this head."""
     tolerance: Positive = 0.01
-    """Root mean square error, as a share of the light, that the blur may have, and each term that `auto` leaves out."""
+    """Root mean square error, a share of the light, of all that is left wrong: blur, texture size, omitted terms."""
     separate: bool = True
     """Keep apart what faces across air (lips, eyelids), so that neither lights the other through it."""
     normalise: bool = True
@@ -417,8 +417,10 @@ class SceneSpec(Strict):
     """What lights it."""
     shadows: bool = True
     """Whether lights cast shadows that do not say otherwise themselves."""
-    diffusion: DiffusionSpec = DiffusionSpec()
-    """The blur and the error that it may have."""
+    tolerance: Positive | None = None
+    """From draft (0.05) to final (0.003), the one knob: short for `diffusion.tolerance`."""
+    diffusion: Annotated[DiffusionSpec, Field(validate_default=True)] = DiffusionSpec()
+    """The blur and the error that the bake may have."""
     texturing: TexturingSpec = TexturingSpec()
     """Where the albedo is multiplied."""
     specular: SpecularSpec = SpecularSpec()
@@ -439,6 +441,25 @@ class SceneSpec(Strict):
             colour = SKIN_RGB if self.skin.normalise == "white" else (1.0, 1.0, 1.0)
             object.__setattr__(self, "maps", self.maps.model_copy(update={"albedo_rgb": colour}))
         return self
+
+    @model_validator(mode="after")
+    def _one_tolerance(self) -> SceneSpec:
+        """What the look's own `tolerance` says has gone to where it is read."""
+        object.__setattr__(self, "tolerance", None)
+        return self
+
+    @field_validator("diffusion")
+    @classmethod
+    def _with_tolerance(cls, diffusion: DiffusionSpec, info: ValidationInfo) -> DiffusionSpec:
+        given = info.data.get("tolerance")
+        if given is None or given == diffusion.tolerance:
+            return diffusion
+        if "tolerance" in diffusion.model_fields_set:
+            raise ValueError(
+                f"tolerance: expected the same as the look's `tolerance`, {given:g}, or one of the two, got "
+                f"{diffusion.tolerance:g}"
+            )
+        return diffusion.model_copy(update={"tolerance": given})
 
     @field_validator("lights")
     @classmethod

@@ -103,14 +103,15 @@ def test_auto_asks_whether_it_is_worth_it():
 
         def decide(switch, of=(mesh, occluder, light, atlas)):
             return decide_interreflection(
-                of[0], of[1], ("sun", "none"), of[2], [0.5 * white], of[3], False, switch, 0.01
+                of[0], of[1], ("sun", "none"), of[2], [0.5 * white], of[3], False, switch, [0.01, 0.01]
             )
 
-        sun, none = decide("auto")
+        (sun, none), (share, nothing) = decide("auto")
+        assert (share > 0.4, nothing) == (kept, 0)
         assert (sun.term, sun.enabled, none.enabled) == ("sun.interreflection", kept, False)
         assert ("50.00% of its light" in sun.why) == kept
-        assert all(line.enabled for line in decide("on"))
-        assert not any(line.enabled for line in decide("off"))
+        assert all(line.enabled for line in decide("on")[0])
+        assert not any(line.enabled for line in decide("off")[0])
 
 
 def test_bounces_below_one_are_refused():

@@ -98,8 +98,8 @@ def test_normals_count_alike_in_tangent_and_in_object_space():
     assert found[0] > 0.02
 
 
-def test_the_tolerance_decides_and_is_shared():
-    """The coarsest size within its part of the tolerance; what is left, as squares, is for the blur and two terms."""
+def test_the_tolerance_decides():
+    """The coarsest size within its part of the tolerance; what it loses is the decision's error."""
     mesh, maps = quad(MM, MM), SkinMaps(albedo={1001: speckled(0.4)})
     (lost,) = detail_lost(look(), mesh, maps, SKIN)
     above, below = (choose_size(look(t), mesh, maps, SKIN) for t in (lost / 0.84, lost / 0.86))
@@ -110,7 +110,8 @@ def test_the_tolerance_decides_and_is_shared():
     assert "1024 x 1024 of 1024 x 1024: 512 x 512 loses" in below.decision.why
     worked = at_size(look(lost / 0.84), above)
     assert worked.texture.size == (512, 512)
-    assert np.sqrt(3 * worked.diffusion.tolerance**2 + lost**2) == pytest.approx(lost / 0.84)
+    assert worked.diffusion == look(lost / 0.84).diffusion
+    assert (above.decision.error, below.decision.error) == (above.lost, 0.0)
     assert at_size(look(lost / 0.86), below) == look(lost / 0.86)
 
 

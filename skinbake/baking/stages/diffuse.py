@@ -63,6 +63,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             spec.terms.transmission,
             self._albedo_before(),
             self._entering(gaussians),
+            self._decided(),
             # The albedo's mean decides there, and casters are in the way
             (self._inputs.key("albedo", OCCLUDERS), skin_medium(spec.skin).identity)
             if spec.terms.transmission != "off"
@@ -91,6 +92,11 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             oil = spec.specular.model_dump(mode="json") if inputs.decisions.energy_conservation.enabled else None
             interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))
         return [incidence, beam, interreflection]
+
+    def _decided(self) -> list[Any]:
+        """The tolerance's parts, and what the look's own decisions leave of it."""
+        decisions = self._inputs.decisions
+        return [decisions.budget.record(), [line.error for line in decisions.of_look]]
 
     def _medium(self) -> SkinMedium:
         """The skin's, as far as terms of slanted light may use it."""
@@ -155,6 +161,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             code_digest(__name__),
             self._inputs.key("mesh"),
             spec.diffusion.model_dump(mode="json", exclude={"probes"}),
+            self._inputs.decisions.budget.record(),
             self._albedo_before(),
             light,
             kind,

@@ -27,7 +27,6 @@ SMALLEST = 512  # texels of the shorter side that are never gone below
 MOST_HALVINGS = 2
 SHARE = 0.85  # of the tolerance that the size may take; the rest is left to others, as a root of squares
 EDGES_PER_MM = 0.012  # rms that edges of light lose a millimetre of texel; two suns on two heads: 0.009 and 0.012
-_OTHERS = 3
 _PATCHES, _SIDE = 96, 64
 _LIGHT_DEG = 50.0  # from the normal: the mean of what lights a curved skin, weighed by what it brings
 
@@ -87,21 +86,15 @@ def choose_size(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
         f"auto: {size[0]} x {size[1]} of {asked[0]} x {asked[1]}: {told}, tolerance {tolerance:.2%}; "
         "`texture.reduce: off` keeps the size"
     )
-    return TextureSize(size, lost[chosen - 1] if chosen else 0.0, Decision("texture_size", chosen == 0, why))
+    loss = lost[chosen - 1] if chosen else 0.0
+    return TextureSize(size, loss, Decision("texture_size", chosen == 0, why, loss))
 
 
 def at_size(spec: SceneSpec, size: TextureSize) -> SceneSpec:
-    """The look at another size, and with the tolerance that is left.
-
-    Errors that know nothing of each other add up as squares. The blur, incidence and light from skin to skin may each
-    take what the tolerance says, so that each gets a third of the square that is left.
-    """
+    """The look at another size."""
     if size.size == spec.texture.size:
         return spec
-    left = float(np.sqrt((spec.diffusion.tolerance**2 - size.lost**2) / _OTHERS))
-    texture = spec.texture.model_copy(update={"size": size.size, "reduce": "off"})
-    diffusion = spec.diffusion.model_copy(update={"tolerance": left})
-    return spec.model_copy(update={"texture": texture, "diffusion": diffusion})
+    return spec.model_copy(update={"texture": spec.texture.model_copy(update={"size": size.size, "reduce": "off"})})
 
 
 def detail_lost(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: GaussianSum) -> list[float]:

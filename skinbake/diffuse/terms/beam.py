@@ -172,7 +172,7 @@ def moved_share(raster: AtlasRaster, shift: BeamShift, light: LightSpec, image: 
     return float((area * moved**2).sum()), float((area * here.astype(np.float64) ** 2).sum())
 
 
-def decide_beam(name: str, moved: float, switch: str, tolerance: float) -> Decision:
+def decide_beam(name: str, moved: float, switch: str, limit: float) -> Decision:
     """Whether a shift is worth it for a light.
 
     Parameters
@@ -182,10 +182,12 @@ def decide_beam(name: str, moved: float, switch: str, tolerance: float) -> Decis
     moved : float
         Change of what lobes that are wide enough blur, relative rms, times their share of the profile.
     switch : "auto" or "on"
-    tolerance : float
+    limit : float
+        What may be left out.
     """
     why = f"{switch}: light that enters at a slant scatters further along: {moved:.2%} of it (rms) is elsewhere"
-    return Decision(f"{name}.beam", switch == "on" or moved > tolerance, f"{why}, tolerance {tolerance:.2%}")
+    kept = switch == "on" or moved > limit
+    return Decision(f"{name}.beam", kept, f"{why}, may be left out {limit:.2%}", 0.0 if kept else moved)
 
 
 class _LitSkin(NamedTuple):

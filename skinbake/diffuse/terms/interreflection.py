@@ -27,9 +27,12 @@ from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
-RECEIVER_MM = 2.0  # texels that receive bounced light, at a tolerance of a hundredth
+RECEIVER_MM = 2.0  # texels that receive bounced light
 LOOKING, MORE = 32, 64  # rays that look whether there is skin at all; rays where there is
+COARSE_ERROR = 0.1  # of the bounced light: what such texels and rays leave wrong; 0.09 on a head, 0.2 about a hill
+COARSENESS = 0.4, 3.0  # the finest and the coarsest there are, in units of these
 ESTIMATED, ESTIMATE_RAYS = 4000, 16  # texels and rays by which `auto` decides
+_OTHER_TURN = 7919
 
 _R2 = 0.7548776662466927, 0.5698402909980532  # [Roberts2018]
 
@@ -100,10 +103,44 @@ def look_around(
     return SkinView(atlas, *(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def receivers(tolerance: float) -> tuple[float, tuple[int, int]]:
-    """Width of the texels that receive, mm, and their rays (`look_around`), by the error that may be made."""
-    coarser = float(np.clip(np.sqrt(tolerance / 0.01), 0.5, 3.0))
-    return RECEIVER_MM * coarser, (max(16, round(LOOKING / coarser)), max(32, round(MORE / coarser)))
+class Receivers(NamedTuple):
+    """How finely light from skin is taken.
+
+    Attributes
+    ----------
+    coarser : float
+        Texels are this times `RECEIVER_MM` wide, and have as many times fewer rays.
+    """
+
+    coarser: float
+
+    @property
+    def width_mm(self) -> float:
+        """Width of the texels that receive, mm."""
+        return RECEIVER_MM * self.coarser
+
+    @property
+    def rays(self) -> tuple[int, int]:
+        """Rays from every texel, and from those that see skin (`look_around`)."""
+        return max(16, round(LOOKING / self.coarser)), max(32, round(MORE / self.coarser))
+
+    def error(self, bounced: float) -> float:
+        """Rms that is left wrong of a light that skin sends on with an rms of `bounced`, both as shares of it."""
+        return COARSE_ERROR * self.coarser * bounced
+
+
+def receivers(bounced: Sequence[float], limits: Sequence[float]) -> Receivers:
+    """The coarsest texels that receive, whose error no light's limit forbids.
+
+    Parameters
+    ----------
+    bounced : sequence of float
+        Light from skin, of each light that has the term: its rms as a share of the light.
+    limits : sequence of float
+        Rms that may be made, of each.
+    """
+    allowed = [limit / max(COARSE_ERROR * rms, 1e-12) for rms, limit in zip(bounced, limits, strict=True)]
+    return Receivers(float(np.clip(min(allowed), *COARSENESS)))
 
 
 def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1) -> list[Image]:
@@ -155,9 +192,9 @@ def decide_interreflection(
     atlas: Atlas,
     udim: bool,
     switch: str,
-    tolerance: float,
-) -> list[Decision]:
-    """Whether skin lights skin by more than the tolerance, a line a light.
+    limits: Sequence[float],
+) -> tuple[list[Decision], list[float]]:
+    """Whether skin lights skin by more than may be left out, a line a light, and how much that is.
 
     `auto` looks from a few texels with a few rays, the same for all lights.
 
@@ -175,13 +212,14 @@ def decide_interreflection(
         The full one.
     udim : bool
     switch : "auto", "on" or "off"
-    tolerance : float
+    limits : sequence of L float
+        What may be left out of each light.
     """
     if switch == "off":
-        return [Decision("interreflection", False, "off")]
+        return [Decision("interreflection", False, "off")], []
     arrived, bounced = np.zeros(len(names)), np.zeros(len(names))
     height, width = atlas[0].shape
-    for raster, image in zip(atlas, light, strict=True):
+    for number, (raster, image) in enumerate(zip(atlas, light, strict=True)):
         area = np.cumsum(raster.area_mm2.ravel(), dtype=np.float64)
         if area[-1] <= 0:
             continue
@@ -189,26 +227,36 @@ def decide_interreflection(
         flat = np.minimum(np.searchsorted(area, places), len(area) - 1)
         rows, cols = np.divmod(flat, width)
         point, normal = skin_points(raster, mesh, occluder, rows, cols)
-        seen_tile, seen = _trace(mesh, occluder, (width, height), udim, point, normal, flat, 0, ESTIMATE_RAYS)
-        got = np.zeros((len(names), len(flat), 2, 3))  # of the even rays and of the odd ones
+        # Two halves that know nothing of each other: the second one's rays are turned otherwise
+        halves = [
+            _trace(mesh, occluder, (width, height), udim, point, normal, flat * turn, 0, ESTIMATE_RAYS // 2)
+            for turn in (1, _OTHER_TURN)
+        ]
+        seen_tile, seen = (np.concatenate(each, axis=1) for each in zip(*halves, strict=True))
+        got = np.zeros((len(names), len(flat), 2, 3))
         for k, (other, colour) in enumerate(zip(light, reflected, strict=True)):
             texel, ray = np.nonzero((seen != NOTHING) & (seen_tile == k))
             at = np.divmod(seen[texel, ray], width)
             sent = other[:, at[0], at[1]].astype(np.float64)
             sent *= np.broadcast_to(colour, (height, width, 3))[at]
             for total, each in zip(got, sent, strict=True):
-                np.add.at(total, (texel, ray % 2), each * (2 / ESTIMATE_RAYS))
-        direct = image[:, rows, cols].astype(np.float64)
+                np.add.at(total, (texel, ray // (ESTIMATE_RAYS // 2)), each * (2 / ESTIMATE_RAYS))
+        # As it leaves again: what is red counts more where the skin is
+        colour = np.broadcast_to(reflected[number], (height, width, 3))[rows, cols].astype(np.float64)
+        direct = image[:, rows, cols] * colour
+        got *= colour[:, None]
         share = area[-1] / len(flat)
         arrived += share * (direct**2).sum(axis=(1, 2))
         # The product of two halves is, on average, the square without the rays' own noise
         bounced += share * (got[:, :, 0] * got[:, :, 1]).sum(axis=(1, 2))
-    found = []
-    for name, lit, got_light in zip(names, arrived, bounced, strict=True):
+    found, shares = [], []
+    for name, lit, got_light, limit in zip(names, arrived, bounced, limits, strict=True):
         rms = float(np.sqrt(max(got_light, 0) / lit)) if lit > 0 else 0.0
-        why = f"{switch}: skin lights skin with {rms:.2%} of its light (rms), tolerance {tolerance:.2%}"
-        found.append(Decision(f"{name}.interreflection", switch == "on" or rms > tolerance, why))
-    return found
+        why = f"{switch}: skin lights skin with {rms:.2%} of its light (rms), may be left out {limit:.2%}"
+        kept = switch == "on" or rms > limit
+        found.append(Decision(f"{name}.interreflection", kept, why, 0.0 if kept else rms))
+        shares.append(rms)
+    return found, shares
 
 
 def _trace(

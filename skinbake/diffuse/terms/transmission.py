@@ -54,6 +54,7 @@ def transmit(
     tolerance: float,
     occluder: Occluder | None = None,
     medium: SkinMedium | None = None,
+    limit: float = np.inf,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe of weight 1, and the plan's line on it.
 
@@ -73,6 +74,8 @@ def transmit(
         Of the mesh, where somebody has one already.
     medium : SkinMedium, optional
         What the skin is made of.
+    limit : float
+        Root mean square that may be left out; `auto` keeps the term above it, too.
 
     References
     ----------
@@ -103,11 +106,11 @@ def transmit(
         through.append((image[:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
         reflected.append(_reflected(diffused, mesh, udim, gaussians, raster))
     rms, peak = _contribution(*_joined(through), *_joined(reflected), sum(float(r.area_mm2.sum()) for r in atlas))
-    kept = switch == "on" or peak > WORTH * tolerance
-    limit = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
-    why = f"{switch}: through thin parts {limit}, worth it from {WORTH * tolerance:.1%}"
+    kept = switch == "on" or peak > WORTH * tolerance or rms > limit
+    found = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
+    why = f"{switch}: through thin parts {found}, worth it from {WORTH * tolerance:.1%} (rms {limit:.2%})"
     lobe = Lobe(float(gaussians.variance_mm2[-1]), (1.0, 1.0, 1.0), None, rgb) if kept else None
-    return lobe, Decision("transmission", kept, why)
+    return lobe, Decision("transmission", kept, why, 0.0 if kept else rms)
 
 
 def transmitted_level(texel_mm: float) -> int:

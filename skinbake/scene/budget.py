@@ -1,0 +1,112 @@
+"""One budget for all that `auto` decides: what each choice leaves wrong adds up, as squares, to the tolerance at most.
+
+Errors that know nothing of each other add up as squares. Lights stay live: each may be the only one that shines, so
+that each has the whole tolerance for what is left out of its own light, and what all of them share counts for each.
+The texture's size takes first; the rest is parted here, before anything is computed, into what the blur may take, what
+the light of a sky may, and what the terms of a light may that are left out. Nobody's part is kept for who is not there.
+What costs next to nothing is not left out for its error, whatever the tolerance (`NEGLIGIBLE`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from math import sqrt
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from skinbake.scene.decision import Decision
+    from skinbake.scene.spec import DiffusionSpec, SceneSpec
+
+# Parts of the square that the size leaves. A sky's directions get dearer soonest
+BLUR, SKY, TERMS = 1.5, 3.5, 1.0
+NEGLIGIBLE = 0.02  # of the tolerance: below this not even what costs next to nothing is computed
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Root mean square errors, as shares of a light, that may be made.
+
+    Attributes
+    ----------
+    tolerance : float
+        What all together may be wrong by.
+    size : float
+        Lost by a texture that is coarser than asked for.
+    blur : float
+        What the lobes may be wrong by: method and storage.
+    sky : float
+        What the light of a sky may be wrong by.
+    skies : frozenset of str
+        Lights that take that; the others leave it to their terms.
+    """
+
+    tolerance: float
+    size: float
+    blur: float
+    sky: float
+    skies: frozenset[str] = frozenset()
+
+    @property
+    def left(self) -> float:
+        """What the size leaves."""
+        return sqrt(max(self.tolerance**2 - self.size**2, 0.0))
+
+    @property
+    def negligible(self) -> float:
+        """Error below which a term is not worth even the little that it costs."""
+        return NEGLIGIBLE * self.tolerance
+
+    def terms_left(self, light: str, spent: float = 0.0) -> float:
+        """What the terms of a light may be wrong by that are left out, less the root of squares `spent` already."""
+        square = self.left**2 - self.blur**2 - (self.sky**2 if light in self.skies else 0.0)
+        return sqrt(max(square - spent**2, 0.0))
+
+    def of_blur(self, spec: DiffusionSpec) -> DiffusionSpec:
+        """How the lobes are made, with the tolerance that is theirs."""
+        return spec.model_copy(update={"tolerance": self.blur})
+
+    def record(self) -> dict[str, Any]:
+        """As keys of stages hold it."""
+        return asdict(self) | {"skies": sorted(self.skies)}
+
+
+def budget_of(spec: SceneSpec, lost: float = 0.0) -> Budget:
+    """Part the tolerance among what the look leaves to be decided.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    lost : float
+        By a coarser texture.
+    """
+    terms = spec.terms
+    fixed = spec.diffusion.method != "auto"
+    skies = frozenset(light.name for light in spec.lights if light.type == "environment" and light.samples is None)
+    undecided = "auto" in (terms.beam, terms.interreflection, terms.transmission)
+    whole = BLUR + (SKY if skies else 0.0) + (TERMS if undecided else 0.0)
+    left = sqrt(max(spec.diffusion.tolerance**2 - lost**2, 0.0))
+    sky = left * sqrt(SKY / whole) if skies else left
+    # A method that is given is no choice: it is made as the whole tolerance wants it, and its error is what it is
+    return Budget(spec.diffusion.tolerance, lost, left if fixed else left * sqrt(BLUR / whole), sky, skies)
+
+
+def left_wrong(plan: Iterable[Decision], lights: Iterable[str], blur: float) -> float:
+    """Root mean square of all that is left wrong, of the light that it is worst for.
+
+    Parameters
+    ----------
+    plan : iterable of Decision
+        Those of one light are named `LIGHT.term`; all others count for each light.
+    lights : iterable of str
+    blur : float
+        The blur's error.
+    """
+    shared, own = blur**2, dict.fromkeys(lights, 0.0)
+    for line in plan:
+        name = line.term.rpartition(".")[0]
+        if name in own:
+            own[name] += line.error**2
+        else:
+            shared += line.error**2
+    return sqrt(shared + max(own.values(), default=0.0))

@@ -1,0 +1,73 @@
+"""The one budget: its parts, and the sum of what is left wrong."""
+
+from __future__ import annotations
+
+from math import hypot, sqrt
+
+import pytest
+
+from skinbake.errors import ConfigError
+from skinbake.scene.budget import budget_of, left_wrong
+from skinbake.scene.decision import Decision
+from skinbake.scene.parse import parse
+from skinbake.scene.spec import SceneSpec
+
+SUN = {"name": "sun", "type": "directional", "direction": [0, 0, -1], "irradiance": [1, 1, 1]}
+SKY = {"name": "sky", "type": "environment", "radiance": [1, 1, 1]}
+FIXED = {"terms": {"beam": "on", "interreflection": "off", "transmission": "off"}}
+
+
+def look(*lights, **keys):
+    """A look at a tolerance of 2 %."""
+    mapping = {
+        "mesh": {"path": "a.obj", "unit": "mm"},
+        "skin": {"model": "gaussians", "variance_mm2": [1.0], "weight_rgb": [[1, 1, 1]]},
+        "lights": list(lights) or [SUN, SKY],
+        "output": {"dir": "out"},
+        "tolerance": 0.02,
+    }
+    return parse(SceneSpec, mapping | keys, lambda key, text: f"{'.'.join(map(str, key))}: {text}")
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.015])
+@pytest.mark.parametrize("lights", [[SUN], [SKY], [SUN, SKY]], ids=["sun", "sky", "both"])
+def test_the_parts_of_each_light_fill_the_tolerance(lights, lost):
+    """Size, blur, sky and terms, as squares: never more than asked for, and nothing is kept for who is not there."""
+    budget = budget_of(look(*lights), lost)
+    for light in lights:
+        own = budget.sky if light is SKY else 0.0
+        parts = lost**2 + budget.blur**2 + own**2 + budget.terms_left(light["name"]) ** 2
+        assert sqrt(parts) == pytest.approx(0.02)
+    assert budget.terms_left("sun", 1.0) == 0
+
+
+def test_what_is_given_takes_no_part():
+    """With terms, method and directions given, the blur and the sky are made as the whole tolerance wants them."""
+    budget = budget_of(look(SUN, SKY | {"samples": 64}, diffusion={"method": "surface"}, **FIXED))
+    assert budget.blur == budget.sky == pytest.approx(0.02)
+    assert budget_of(look(SUN, **FIXED)).blur == pytest.approx(0.02)
+
+
+def test_squares_add_up_for_the_light_that_is_worst_off():
+    """What all lights share counts for each; what one leaves out is not another's."""
+    plan = [
+        Decision("texture_size", False, "", 0.03),
+        Decision("sun.beam", False, "", 0.04),
+        Decision("sky.shadows", True, "", 0.01),
+        Decision("sky.interreflection", False, "", 0.02),
+    ]
+    assert left_wrong(plan, ("sun", "sky"), 0.0) == pytest.approx(0.05)
+    assert left_wrong(plan, ("sky",), 0.12) == pytest.approx(hypot(0.12, 0.03, 0.04, 0.01, 0.02))
+    assert left_wrong([], (), 0.2) == 0.2
+
+
+def test_the_tolerance_of_the_look_is_that_of_the_blur_s_section():
+    """`tolerance:` is short for `diffusion.tolerance`; both may be given where they say the same."""
+    assert look().diffusion.tolerance == 0.02
+    assert look().tolerance is None
+    assert look(diffusion={"tolerance": 0.02}) == look()
+    assert look(diffusion={"probes": 7}).diffusion.tolerance == 0.02
+    with pytest.raises(ConfigError, match=r"diffusion: tolerance: expected the same as .* 0\.02, .* got 0\.03"):
+        look(diffusion={"tolerance": 0.03})
+    with pytest.raises(ConfigError, match="tolerance: expected a number > 0, got -1"):
+        look(tolerance=-1)
