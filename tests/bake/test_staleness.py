@@ -188,7 +188,7 @@ CHANGES = {
          "skin.boundary": "exact", "skin.thin_layers": "ballistic", "skin.layers.0.thickness_mm": 0.1,
          "skin.normalise": "white"} | LAYERED | {"skin.fit.gaussians": 3},
         {"mesh.mm_per_unit": 1.5, "mesh.unit": None},
-        {"tolerance": 0.3, "diffusion.tolerance": None},
+        {"tolerance": 0.3, "diffusion.tolerance": 0.3},
         {"diffusion.normalise": False, "diffusion.method": "surface", "terms.interreflection": "off"},
         {"texturing.mix": 0.3, "texturing.mode": "mix"},
     ],
