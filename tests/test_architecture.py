@@ -29,6 +29,7 @@ ORDER = [
     "tradeoff",
     "preview",
     "io",
+    "page",
     "baking",
     "api",
     "export",

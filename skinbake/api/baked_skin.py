@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -45,6 +46,26 @@ class Pixels(Protocol):
         """Linear albedo of the skin, (H, W, 3) or (1, 1, 3)."""
 
 
+class Viewer:
+    """A page that a notebook shows in a frame.
+
+    Parameters
+    ----------
+    page : str
+        HTML.
+    height : int
+        Of the frame, in pixels.
+    """
+
+    def __init__(self, page: str, height: int) -> None:
+        self.page, self.height = page, height
+
+    def _repr_html_(self) -> str:
+        """The page as the source of a frame: its scripts and styles touch nothing of the notebook."""
+        style = f"width:100%;height:{self.height}px;border:0"
+        return f'<iframe title="The baked head" style="{style}" srcdoc="{html.escape(self.page)}"></iframe>'
+
+
 class BakedSkin:
     """Light on skin, baked: in memory by `skinbake.bake`, or read from a folder by `skinbake.open_bake`.
 
@@ -68,6 +89,8 @@ class BakedSkin:
         What was decided, `term`, `enabled` and `why`.
     transmits : bool
         Whether the last lobe is light through thin parts.
+    folder : Path, optional
+        Where the bake lies; None where it is in memory.
     """
 
     def __init__(
@@ -81,9 +104,10 @@ class BakedSkin:
         error: MeasuredError | None,
         plan: tuple[Decision, ...],
         transmits: bool = False,
+        folder: Path | None = None,
     ) -> None:
         self.look, self.lights, self.tiles, self.error, self.plan = look, lights, tiles, error, plan
-        self.transmits = transmits
+        self.transmits, self.folder = transmits, folder
         self.variance_mm2, self.weight_rgb = variance_mm2, weight_rgb
         self._pixels = pixels
 
@@ -128,6 +152,26 @@ class BakedSkin:
             f'<figure><img src="data:image/png;base64,{data}" alt="Light leaving the skin">'
             f"<figcaption>{html.escape(self.verdict)}; lights {lights}</figcaption></figure>"
         )
+
+    def viewer(self, height: int = 640) -> Viewer:
+        """The page of `skinbake export --web`, for a notebook's cell.
+
+        Parameters
+        ----------
+        height : int
+            In pixels.
+
+        Raises
+        ------
+        InputError
+            The bake is in memory alone, or a file of it is missing or damaged.
+        """
+        if self.folder is None:
+            raise InputError("viewer: expected a bake in a folder, got one in memory; `skinbake bake` it and open_bake")
+        from skinbake.page import bake_page
+
+        page, _ = bake_page(self.folder)
+        return Viewer(page, height)
 
     def irradiance(self, light: str | None = None, tile: int | None = None) -> Image:
         """Light arriving at each texel, W/m^2-like, linear Rec.709.

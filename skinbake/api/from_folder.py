@@ -55,6 +55,7 @@ def open_bake(folder: Path | str) -> BakedSkin:
         MeasuredError(**{name: error[name] for name in MeasuredError.__dataclass_fields__}) if error else None,
         tuple(Decision.from_record(line) for line in manifest["plan"]),
         is_transmission(manifest["lobes"][-1]["method"]),
+        folder,
     )
 
 

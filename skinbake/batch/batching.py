@@ -18,6 +18,8 @@ from skinbake.batch.job import BakeJob, bake_job
 from skinbake.batch.process_pool import ProcessPool
 from skinbake.batch.progress import BatchProgress
 from skinbake.errors import InputError, SkinbakeError, printable
+from skinbake.export.after_bake import FOLDER
+from skinbake.export.web import NAME as PAGE
 from skinbake.interrupt import undone_at_stop
 from skinbake.io.atomic import write_text
 from skinbake.io.batch_file import Batch, BatchJob
@@ -27,6 +29,8 @@ from skinbake.io.contact_sheet import Cell, write_contact_sheet
 from skinbake.io.fingerprint import every_input
 from skinbake.io.lock import file_lock, remove_leftovers
 from skinbake.io.output_names import refuse_inputs
+from skinbake.page.batch_page import NAME as BATCH_PAGE
+from skinbake.page.batch_page import PageLook, batch_page, is_batch_page
 
 SHEET = "batch.png"
 GOOD = ("done", "fresh")
@@ -122,6 +126,7 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
         write_text(plan.batch.folder / NAME, json.dumps(report, indent=1) + "\n")
         if plan.preview:
             _sheet(plan.batch, report["jobs"])
+        _page(plan.batch, report["jobs"])
     _summary(report, plan.batch.folder, console)
     return report
 
@@ -138,7 +143,12 @@ def _refuse_inputs(plan: Plan) -> None:
     for job in plan.selected:
         with suppress(InputError):  # a missing file is the job's failure
             read += every_input(job.spec)
-    refuse_inputs([plan.batch.folder / NAME, plan.batch.folder / SHEET], read)
+    refuse_inputs([plan.batch.folder / name for name in (NAME, SHEET, BATCH_PAGE)], read)
+    page = plan.batch.folder / BATCH_PAGE
+    if any("web" in job.spec.output.export for job in plan.selected) and not is_batch_page(page):
+        raise InputError(
+            f"{page}: expected a page of an earlier batch or none, got one that skinbake has not written; move it away"
+        )
 
 
 def _entries(plan: Plan, results: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
@@ -168,6 +178,20 @@ def _sheet(batch: Batch, entries: list[dict[str, Any]]) -> None:
     write_contact_sheet(batch.folder / SHEET, cells, columns if columns and columns > 1 else None)
 
 
+def _page(batch: Batch, entries: list[dict[str, Any]]) -> None:
+    """Write batch.html where looks have a page of their own, else remove one of ours."""
+    shown = [
+        PageLook(entry["name"], f"{entry['folder']}/{FOLDER}/{PAGE}", str(entry.get("note") or entry["status"]))
+        for entry in entries
+        if (batch.folder / entry["folder"] / FOLDER / PAGE).is_file()
+    ]
+    path = batch.folder / BATCH_PAGE
+    if shown:
+        write_text(path, batch_page(batch.path.stem, shown))
+    elif is_batch_page(path):
+        path.unlink(missing_ok=True)
+
+
 def _summary(report: dict[str, Any], folder: Path, console: Console) -> None:
     """Print how many looks were baked, and the errors of the others."""
     ran = [entry for entry in report["jobs"] if entry["selected"]]
@@ -186,6 +210,7 @@ def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
     """A line a look, naming the stages that would run and why; and whether every input is there."""
     from skinbake.baking.dry_run import stale_stages
     from skinbake.baking.session import BakeSession
+    from skinbake.export.after_bake import stale_export
 
     lines, ok = [], True
     for job in plan.selected:
@@ -193,6 +218,8 @@ def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
         session = BakeSession.of(order.cache, order.cache_bytes)
         try:
             stale = stale_stages(job.spec, plan.force, plan.preview, session)
+            if job.spec.output.export and (stale or (why := stale_export(job.spec))):
+                stale["export"] = "after the bake" if stale else why
             text = "; ".join(f"{stage}: {why}" for stage, why in stale.items()) or "as it was"
         except SkinbakeError as error:
             text, ok = f"cannot be baked: {error}", False

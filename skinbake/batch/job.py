@@ -44,8 +44,8 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
     MachineError
         Another machine may do better: disk full, no OpenGL, other code than the one that gave the job.
     """
-    from skinbake.baking.bake_look import bake_look
     from skinbake.baking.session import BakeSession
+    from skinbake.export.after_bake import bake_and_export
     from skinbake.io.code_digest import package_digest
     from skinbake.io.manifest import read_manifest
 
@@ -63,7 +63,7 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
     session = BakeSession.of(job.cache, job.cache_bytes, on_event)
     status, fault = "done", None
     try:
-        manifest = bake_look(job.spec, job.force, job.preview, verbosity=0, session=session)
+        manifest = bake_and_export(job.spec, job.force, job.preview, verbosity=0, session=session)
     except ToleranceMissedError as error:
         status, fault = "missed", str(error)
         manifest = read_manifest(job.spec.output.dir)

@@ -36,12 +36,12 @@ def command(
     as_json: bool,
     verbosity: int,
 ) -> int:
-    """Bake CONFIG: profile, irradiance, diffusion, measured error, preview.
+    """Bake CONFIG: profile, irradiance, diffusion, measured error, preview, and the exports that it asks for.
 
     Of a sequence (`frames:`) every frame, each into a folder of its own, as `skinbake batch` does.
     """
-    from skinbake.baking.bake_look import bake_look
     from skinbake.baking.session import BakeSession
+    from skinbake.export.after_bake import bake_and_export
     from skinbake.io.cache import DEFAULT_LIMIT_BYTES, cache_folder
     from skinbake.io.config import frames_of, load_look
 
@@ -57,7 +57,7 @@ def command(
     look = load_look(config, overrides, out)
     folder = cache_folder(cache)
     session = BakeSession.of(str(folder) if folder else None, DEFAULT_LIMIT_BYTES, keep=False)
-    manifest = bake_look(look, force, preview, verbosity, session)
+    manifest = bake_and_export(look, force, preview, verbosity, session)
     if as_json:
         print(json.dumps(manifest, indent=1, default=str))
     return 0

@@ -8,15 +8,18 @@ from typing import Any, NamedTuple
 
 from skinbake.api import BakedSkin, open_bake
 from skinbake.export import blender, gltf, layers, summed, web
-from skinbake.io.export_list import keep_export_list, refuse_foreign
+from skinbake.io.export_list import finish_export_list, keep_export_list, refuse_foreign
 from skinbake.io.lock import folder_lock
 
 
 class Export(NamedTuple):
-    """One kind: the files that it makes of a bake and its folder, and what writes them to a target."""
+    """One kind: the files that it makes of a bake and its folder, and what writes them to a target.
+
+    Writing may give figures by file name.
+    """
 
     names: Callable[[BakedSkin, Path], Sequence[str]]
-    write: Callable[[BakedSkin, Path, Path], Any]
+    write: Callable[[BakedSkin, Path, Path], dict[str, Any] | None]
 
 
 EXPORTS = {
@@ -26,7 +29,10 @@ EXPORTS = {
     ),
     "gltf": Export(lambda *_: [gltf.NAME], lambda baked, _, target: gltf.write_gltf(baked, target)),
     "blender": Export(blender.blender_names, blender.write_blender),
-    "web": Export(lambda *_: [web.NAME], lambda _, folder, target: web.write_web(folder, target)),
+    "web": Export(
+        lambda *_: [web.NAME],
+        lambda _, folder, target: {web.NAME: {"coding_rms": web.write_web(folder, target)}},
+    ),
 }
 
 
@@ -49,10 +55,26 @@ def write_exports(folder: Path, kinds: Sequence[str], target: Path) -> list[Path
         Disk full.
     """
     baked = open_bake(folder)
-    names = list(dict.fromkeys(name for kind in kinds for name in EXPORTS[kind].names(baked, folder)))
+    names = export_names(baked, folder, kinds)
     refuse_foreign(target, names)
+    figures: dict[str, Any] = {}
     with folder_lock(target):
         keep_export_list(target, names, folder)
         for kind in kinds:
-            EXPORTS[kind].write(baked, folder, target)
+            figures |= EXPORTS[kind].write(baked, folder, target) or {}
+        finish_export_list(target, names, folder, figures)
     return [target / name for name in names]
+
+
+def export_names(baked: BakedSkin, folder: Path, kinds: Sequence[str]) -> list[str]:
+    """Names of the files that some kinds of export make of a bake.
+
+    Parameters
+    ----------
+    baked : BakedSkin
+    folder : Path
+        Of the bake.
+    kinds : sequence of str
+        Keys of EXPORTS.
+    """
+    return list(dict.fromkeys(name for kind in kinds for name in EXPORTS[kind].names(baked, folder)))

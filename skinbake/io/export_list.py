@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import skinbake
 from skinbake.errors import InputError
 from skinbake.io.atomic import write_text
+from skinbake.io.code_digest import package_digest
 from skinbake.io.digests import key_of
 from skinbake.io.manifest import NAME as MANIFEST
 from skinbake.io.manifest import read_manifest
@@ -71,20 +73,104 @@ def keep_export_list(folder: Path, names: Sequence[str], bake: Path) -> None:
     InputError, MachineError
         As `write_text`.
     """
-    digest, earlier = bake_digest(bake), _listed(folder)
+    digest, earlier, made = bake_digest(bake), _listed(folder), _made(folder)
     stale = [name for name, of in earlier.items() if of != digest and name not in (*names, NAME)]
     files = {name: of for name, of in earlier.items() if of == digest} | dict.fromkeys((*names, NAME), digest)
     for name in stale:
         (folder / name).unlink(missing_ok=True)
-    record = {"version": skinbake.__version__, "bake": str(bake.resolve()), "files": dict(sorted(files.items()))}
+    _write(folder, bake, files, {name: of for name, of in made.items() if name in files and name not in names})
+
+
+def finish_export_list(folder: Path, names: Sequence[str], bake: Path, figures: Mapping[str, Any]) -> None:
+    """Write down that the files are whole, and what they were made of.
+
+    Parameters
+    ----------
+    folder : Path
+    names : sequence of str
+        All listed by `keep_export_list`.
+    bake : Path
+        Where the bake lies.
+    figures : mapping of file name to JSON object
+        What is known of some of them.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `write_text`.
+    """
+    key, made = _key(bake), _made(folder)
+    for name in names:
+        about = {"figures": figures[name]} if name in figures else {}
+        made[name] = {"bytes": (folder / name).stat().st_size, "key": key} | about
+    _write(folder, bake, _listed(folder), made)
+
+
+def export_figures(folder: Path) -> dict[str, Any]:
+    """What is known of the files of the last export, by name."""
+    return {name: of["figures"] for name, of in _made(folder).items() if "figures" in of}
+
+
+def is_exported(folder: Path, names: Sequence[str], bake: Path) -> bool:
+    """Whether these files, and no others, are there, as this code writes them of this bake.
+
+    Parameters
+    ----------
+    folder : Path
+    names : sequence of str
+    bake : Path
+        Where the bake lies.
+    """
+    made, key = _made(folder), _key(bake)
+    if set(made) != set(names) or set(_listed(folder)) != {*names, NAME}:
+        return False
+    sizes = {name: (folder / name).stat().st_size for name in names if (folder / name).is_file()}
+    return all((made[name]["bytes"], made[name]["key"]) == (sizes.get(name), key) for name in names)
+
+
+def _key(bake: Path) -> str:
+    """What an export depends on: the code, and all that the manifest says of the bake but how long it took."""
+    manifest = read_manifest(bake)
+    return key_of(package_digest(), [manifest[name] for name in _BAKED])
+
+
+_BAKED = ("version", "config", "inputs", "irradiance", "lobes", "lights", "terms", "error", "plan", "bytes")
+
+
+def _write(folder: Path, bake: Path, files: dict[str, str], made: dict[str, Any]) -> None:
+    """Write the list.
+
+    Parameters
+    ----------
+    folder, bake : Path
+    files : dict of name to digest of the bake
+    made : dict of name to size and key
+    """
+    record = {
+        "version": skinbake.__version__,
+        "bake": str(bake.resolve()),
+        "files": dict(sorted(files.items())),
+        "made": dict(sorted(made.items())),
+    }
     write_text(folder / NAME, json.dumps(record, indent=1) + "\n")
 
 
 def _listed(folder: Path) -> dict[str, str]:
     """Files that the last export's list names, and the bake of each; none where there is no list, or a damaged one."""
+    return {name: str(of) for name, of in _entries(folder, "files").items()}
+
+
+def _made(folder: Path) -> dict[str, Any]:
+    """Files that the last export's list calls whole, with size and key."""
+    found = _entries(folder, "made")
+    return {name: of for name, of in found.items() if isinstance(of, dict) and {"bytes", "key"} <= of.keys()}
+
+
+def _entries(folder: Path, key: str) -> dict[str, Any]:
+    """An entry of the list by file name; nothing where there is none, or a damaged one."""
     try:
-        files = json.loads((folder / NAME).read_text(encoding="utf-8"))["files"]
-    except (OSError, ValueError, LookupError, TypeError):
+        files = json.loads((folder / NAME).read_text(encoding="utf-8"))[key]
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return {}
     plain = isinstance(files, dict) and all(Path(name).name == name for name in files)  # nothing outside the folder
-    return {name: str(of) for name, of in files.items()} if plain else {}
+    return files if plain else {}

@@ -356,6 +356,14 @@ class TermsSpec(Strict):
     """Light through thin parts: ears, nostrils."""
 
 
+ExportKind = Literal["sum", "layers", "gltf", "blender", "web"]
+
+
+def _one_as_many(value: Any) -> Any:
+    """One name as a list of it."""
+    return (value,) if isinstance(value, str) else value
+
+
 class OutputSpec(Strict):
     """Folder, format and content of what is written."""
 
@@ -371,6 +379,13 @@ class OutputSpec(Strict):
     """Of everything that is drawn at random."""
     tx: bool = False
     """Also write tiled, mip-mapped textures for renderers."""
+    export: Annotated[tuple[ExportKind, ...], BeforeValidator(_one_as_many), Also("string")] = ()
+    """What `skinbake export` writes, after each bake into its folder `export`; with `web` also one page of a batch."""
+
+    @field_validator("export")
+    @classmethod
+    def _once(cls, kinds: tuple[ExportKind, ...]) -> tuple[ExportKind, ...]:
+        return tuple(dict.fromkeys(kinds))
 
     @property
     def separate_lights(self) -> bool:

@@ -44,6 +44,7 @@ NO_BYTES = {
     "skin[table].path": "as mesh.path",
     "lights[environment].path": "as mesh.path",
     "output.dir": "where it is written",
+    "output.export": "what is written of the bake: tests/export/test_after_bake.py changes it",
     "mesh.any_size": "whether a look is refused",
     "mesh.time": "only a USD stage has one: tests/io/mesh/test_usd.py changes it",
     "occluders.time": "as mesh.time",

@@ -50,7 +50,8 @@ def serve() -> None:
     for line in sys.stdin:
         command = json.loads(line)
         read, write = os.pipe()
-        said = tempfile.mktemp()
+        descriptor, said = tempfile.mkstemp()  # a child may be killed before it has opened it
+        os.close(descriptor)
         begun = time.monotonic()
         pid = os.fork()
         if pid == 0:

@@ -27,6 +27,7 @@ _FLAGS = (
     "--no-first-run",
     "--disable-extensions",
     "--window-size=900,700",
+    "--allow-file-access-from-files",  # a test may look into frames
     "--remote-debugging-pipe",
 )
 _PATIENCE_S = 240.0

@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import skinbake
 from skinbake.cli import run
-from skinbake.export.web import NAME, coded
+from skinbake.errors import InputError
+from skinbake.export.web import NAME
 from skinbake.io.bake_folder import read_bake_folder
 from skinbake.io.webp import webp_pixels
+from skinbake.page.batch_page import PageLook, batch_page
+from skinbake.page.coded_image import coded
 from skinbake.preview.camera import view
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import parse_mode
@@ -152,3 +156,51 @@ def test_a_lost_context_comes_back(browser):
         return { told, same: before === await skinbake.render(ask) };
     """)
     assert found == {"told": "The graphics driver was reset ...", "same": True}
+
+
+def test_a_batch_s_looks_turn_together_and_a_cell_shows_the_page(browser, page, bake, tmp_path):
+    """In frames: one that is turned turns the others; a notebook's viewer draws in its own."""
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.html").write_bytes(page.read_bytes())
+    looks = [PageLook(name, f"{name}.html", "<note>") for name in ("a", "b")]
+    (tmp_path / "batch.html").write_text(batch_page("two", looks), encoding="utf-8")
+    browser.open(tmp_path / "batch.html")
+    found = browser.run("""
+        await until(() => document.readyState === "complete");
+        const [one, two] = [...document.querySelectorAll("iframe")].map((frame) => frame.contentWindow);
+        await until(() => one.skinbake?.ready() && two.skinbake?.ready());
+        const shown = (of) => of.document.getElementById("picture").toDataURL();
+        const settled = () => new Promise((r) => setTimeout(r, 500));
+        const picture = one.document.getElementById("picture");
+        const press = (key) => picture.dispatchEvent(new KeyboardEvent("keydown", { key }));
+        await settled();
+        const before = shown(two);
+        press("ArrowLeft"); press("2");
+        await settled();
+        const together = shown(two) === shown(one), turned = shown(two) !== before;
+        document.getElementById("together").click();
+        const alone = shown(two);
+        press("ArrowLeft");
+        await settled();
+        return { folded: two.document.getElementById("controls").hidden, together, turned,
+                 alone: shown(two) === alone && shown(one) !== alone };
+    """)
+    assert found == {"folded": True, "together": True, "turned": True, "alone": True}
+    assert "&lt;note&gt;" in (tmp_path / "batch.html").read_text()
+    shown = skinbake.open_bake(bake).viewer(height=300)._repr_html_()
+    (tmp_path / "cell.html").write_text(f"<!doctype html><p>A cell</p>{shown}", encoding="utf-8")
+    browser.open(tmp_path / "cell.html")
+    found = browser.run("""
+        await until(() => document.querySelector("iframe")?.contentWindow.skinbake?.ready());
+        const frame = document.querySelector("iframe"), inner = frame.contentWindow;
+        const data = await inner.skinbake.render({ view: "front", mode: "full", width: 60, height: 60 });
+        inner.document.getElementById("link").click();
+        await until(() => inner.document.getElementById("note").textContent);
+        return { data, height: frame.clientHeight, hash: inner.location.hash };
+    """)
+    assert (found["height"], found["hash"]) == (300, "")
+    drawn = np.asarray(Image.open(io.BytesIO(base64.b64decode(found["data"].partition(",")[2]))).convert("L"))
+    assert drawn.max() > 60
+    assert browser.problems == []
+    with pytest.raises(InputError, match="expected a bake in a folder, got one in memory"):
+        skinbake.bake(bake.parent / "me.yaml").viewer()

@@ -20,7 +20,7 @@
     mode: "full", other: "none", split: false, at: 0.5, exposure: bake.exposure,
     gains: bake.lights.map(() => 1), tints: bake.lights.map(() => "#ffffff"), camera: null,
   };
-  let gl = null, programs = {}, tiles = [], empty = null, targets = {}, ready = false, later = 0, wanted = false;
+  let said = "", gl = null, programs = {}, tiles = [], empty = null, targets = {}, ready = false, later = 0, wanted = false;
 
   // --- bytes -----------------------------------------------------------------------------------------------------
 
@@ -315,10 +315,28 @@
 
   function redraw() {  // at once with a point a pixel, and with four as soon as nothing moves
     clearTimeout(later);
-    later = setTimeout(() => draw(2), 160);
+    later = setTimeout(() => { draw(2); addressed(); }, 160);
+    tell();
     if (wanted) return;
     wanted = true;
     requestAnimationFrame(() => { wanted = false; draw(1); });
+  }
+
+  const framed = window.parent !== window;
+  const addressed = () => { if (!framed && state.camera) history.replaceState(null, "", `#${hash()}`); };
+
+  function tell() {  // the page around this one, which tells its other frames
+    if (!framed || !ready || hash(false) === said) return;
+    said = hash(false);
+    window.parent.postMessage({ skinbake: said }, "*");
+  }
+
+  function heard(e) {  // what another frame shows
+    if (e.source !== window.parent || typeof e.data?.skinbake !== "string" || !ready) return;
+    fromHash(e.data.skinbake);
+    said = hash(false);
+    shown();
+    redraw();
   }
 
   function resized() {
@@ -393,10 +411,17 @@
       else if (e.key === "+" || e.key === "=") zoom(1 / 1.1);
       else if (e.key === "-") zoom(1.1);
       else if (e.key === "s") $("split").click();
-      else if (/^[1-9]$/.test(e.key) && bake.modes[e.key - 1]) { $("mode").selectedIndex = e.key - 1; $("mode").onchange(); }
+      else if (/^[1-9]$/.test(e.key) && bake.modes[e.key - 1]) { $("mode").selectedIndex = e.key - 1; $("mode").onchange(); told(bake.modes[$("mode").selectedIndex].label); }
       else return;
       e.preventDefault();
     });
+  }
+
+  let quiet = 0;
+  function told(text) {  // for a moment; also by screen readers
+    note.textContent = text;
+    clearTimeout(quiet);
+    quiet = setTimeout(() => { note.textContent = ""; }, 1500);
   }
 
   const option = (value, label) => Object.assign(document.createElement("option"), { value, textContent: label });
@@ -431,10 +456,9 @@
     };
     $("link").onclick = async () => {
       const address = `${location.href.split("#")[0]}#${hash()}`;
-      history.replaceState(null, "", address);
-      try { await navigator.clipboard.writeText(address); note.textContent = "Copied"; }
-      catch { note.textContent = "The link is in the address bar"; }
-      setTimeout(() => { note.textContent = ""; }, 1500);
+      addressed();
+      try { await navigator.clipboard.writeText(address); told("Copied"); }
+      catch { told(framed ? "This frame may not copy" : "The link is in the address bar"); }
     };
     $("save").onclick = () => {
       draw(2);
@@ -454,6 +478,7 @@
     $("split").checked = state.split;
     $("divider").hidden = !state.split;
     $("divider").style.left = `${100 * state.at}%`;
+    $("divider").setAttribute("aria-valuenow", Math.round(100 * state.at));
     $("exposure").value = state.exposure;
     $("exposure-value").textContent = state.exposure.toFixed(1);
     if (bake.separate) state.gains.forEach((gain, i) => {
@@ -463,16 +488,17 @@
     });
   }
 
-  function hash() {
+  function hash(lights = true) {  // what is shown, as a link has it
     const c = state.camera;
     const parts = { view: [c.azimuth, c.elevation, c.distance, ...c.target].join(","), mode: state.mode,
-      exposure: state.exposure, gains: state.gains.join(","), tints: state.tints.map((t) => t.slice(1)).join(",") };
+      exposure: state.exposure };
+    if (lights) Object.assign(parts, { gains: state.gains.join(","), tints: state.tints.map((t) => t.slice(1)).join(",") });
     if (state.split) Object.assign(parts, { other: state.other, at: state.at });
     return new URLSearchParams(parts).toString();
   }
 
-  function fromHash() {
-    const asked = new URLSearchParams(location.hash.slice(1)), view = asked.get("view");
+  function fromHash(text = location.hash.slice(1)) {
+    const asked = new URLSearchParams(text), view = asked.get("view");
     if (view in bake.views) state.camera = fitted(bake.views[view]);
     else if (view) {
       const numbers = view.split(",").map(Number);
@@ -516,6 +542,8 @@
     pointers();
     keys();
     new ResizeObserver(resized).observe(canvas);
+    if (new URLSearchParams(location.hash.slice(1)).get("panel") === "0") $("fold").click();
+    window.addEventListener("message", heard);
     window.addEventListener("hashchange", () => { fromHash(); shown(); redraw(); });
     canvas.addEventListener("webglcontextlost", (e) => { e.preventDefault(); ready = false; note.textContent = "The graphics driver was reset ..."; });
     canvas.addEventListener("webglcontextrestored", () => load().catch(failed));

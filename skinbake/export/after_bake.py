@@ -1,0 +1,98 @@
+"""A bake with the exports that its look asks for, in the folder `export` of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from skinbake.api import open_bake
+from skinbake.baking.bake_look import bake_look
+from skinbake.baking.session import BakeSession
+from skinbake.baking.stage_log import StageLog
+from skinbake.errors import ToleranceMissedError
+from skinbake.export.exports import export_names, write_exports
+from skinbake.io.export_list import NAME as LIST
+from skinbake.io.export_list import export_figures, is_exported, keep_export_list
+from skinbake.io.lock import folder_lock
+from skinbake.io.manifest import read_manifest, write_manifest
+from skinbake.scene.spec import SceneSpec
+
+FOLDER = "export"
+
+
+def bake_and_export(
+    spec: SceneSpec,
+    force: bool = False,
+    preview: bool = True,
+    verbosity: int = 1,
+    session: BakeSession | None = None,
+) -> dict[str, Any]:
+    """As `bake_look`, then what `output.export` names, also of a bake that missed its tolerance; the manifest.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    force : bool
+        Run every stage and write every export, also those that are there.
+    preview : bool
+        End with a picture.
+    verbosity : int
+        0 says nothing, 1 a line a stage, 2 more.
+    session : BakeSession, optional
+        What this look shares with others.
+
+    Raises
+    ------
+    InputError, MachineError, ToleranceMissedError
+        As `bake_look`; InputError also where a file of others has the name of an export.
+    """
+    session = session or BakeSession(keep=False)
+    log = StageLog(verbosity, session.on_event)
+    missed = None
+    try:
+        bake_look(spec, force, preview, verbosity, session)
+    except ToleranceMissedError as error:  # all is written
+        missed = error
+    _export(spec, force, log)
+    if missed:
+        raise missed
+    return read_manifest(spec.output.dir)
+
+
+def stale_export(spec: SceneSpec) -> str:
+    """Why exports would be written if the bake were to stay as it is; empty where they are there, or none is asked for.
+
+    Raises
+    ------
+    InputError
+        There is no bake, or it is damaged.
+    """
+    folder = Path(spec.output.dir)
+    if not spec.output.export or is_exported(folder / FOLDER, _names(spec, folder), folder):
+        return ""
+    return f"to write {', '.join(spec.output.export)}"
+
+
+def _names(spec: SceneSpec, folder: Path) -> list[str]:
+    return export_names(open_bake(folder), folder, spec.output.export)
+
+
+def _export(spec: SceneSpec, force: bool, log: StageLog) -> None:
+    """Write what is asked for and not there; remove what was asked for once, and that of another bake."""
+    folder = Path(spec.output.dir)
+    target, kinds = folder / FOLDER, spec.output.export
+    if not kinds and not (target / LIST).is_file():
+        return
+    with folder_lock(folder, log.say):
+        manifest = read_manifest(folder)
+        if not kinds:
+            keep_export_list(target, [], folder)
+            return
+        names = _names(spec, folder)
+        fresh = not force and is_exported(target, names, folder)
+        with log.measured(FOLDER, lambda: fresh):
+            if not fresh:
+                write_exports(folder, kinds, target)
+        files = {name: export_figures(target).get(name, {}) for name in names}
+        write_manifest(folder, manifest | {"export": {"folder": FOLDER, "files": files}})
+    log.say(f"  exports: {target}")
