@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # each stage knows what it needs; here there are only their r
     from skinbake.diffuse import DiffuseMap
     from skinbake.irradiance import IrradianceMap
     from skinbake.profile import GaussianSum
+    from skinbake.relight.transfer import Transfer
     from skinbake.scene.decision import Decision, Decisions
 
 Made = TypeVar("Made")
@@ -91,6 +92,7 @@ class Stages:
     raster: Stage[Any, Atlas]
     irradiance: Stage[Any, tuple[IrradianceMap, ...]]
     diffuse: Stage[Any, DiffuseMap]
+    relight: Stage[Any, Transfer] | None = None
 
 
 @dataclass(frozen=True)
@@ -107,16 +109,24 @@ class Baked:
         Light arriving, one map a tile.
     diffuse : DiffuseMap
         Light leaving: lobes, measured error, plan. Lobes that were stored already have no pixels.
+    relight : Transfer, optional
+        Textures for lights that come later, where the look asks for them.
     """
 
     decisions: Decisions
     gaussians: GaussianSum
     irradiance: tuple[IrradianceMap, ...]
     diffuse: DiffuseMap
+    relight: Transfer | None = None
 
     @property
     def plan(self) -> tuple[Decision, ...]:
         """Every decision of the bake, in the order of its stages."""
+        return (*self._of_lights, *(self.relight.plan if self.relight else ()))
+
+    @property
+    def _of_lights(self) -> tuple[Decision, ...]:
+        """Those on the look's own lights."""
         return (*self.decisions.of_look, *decided_for(self.irradiance), *self.diffuse.plan)
 
     @property
@@ -125,12 +135,18 @@ class Baked:
         it was measured, and what the plan is estimated to leave out; None where nothing was measured.
         """
         error = self.diffuse.error
-        return left_wrong(self.plan, self.irradiance[0].lights, error.rms) if error else None
+        return left_wrong(self._of_lights, self.irradiance[0].lights, error.rms) if error else None
 
 
 def bake(stages: Stages) -> Baked:
-    """The fit of the profile, light on the raster of the mesh, and its diffusion by the fitted Gaussians."""
+    """The fit of the profile, light on the raster of the mesh, its diffusion by Gaussians; light from everywhere."""
     gaussians = stages.profile.result()
+    if not stages.decisions.stored_lights:  # all of them come later
+        from skinbake.diffuse import DiffuseMap
+
+        assert stages.relight is not None
+        return Baked(stages.decisions, gaussians, (), DiffuseMap((), (), None), stages.relight.result())
     irradiance = stages.irradiance.result()  # asks for the raster where a light is not stored
     diffused = stages.diffuse.result()  # of both
-    return Baked(stages.decisions, gaussians, irradiance, diffused)
+    relight = stages.relight.result() if stages.relight else None
+    return Baked(stages.decisions, gaussians, irradiance, diffused, relight)

@@ -24,6 +24,7 @@ ORDER = [
     "irradiance",
     "transport",
     "diffuse",
+    "relight",
     "pipeline",
     "compare",
     "tradeoff",

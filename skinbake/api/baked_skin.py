@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
@@ -15,6 +16,8 @@ from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse import MeasuredError
 from skinbake.errors import InputError
 from skinbake.numerics import Float
+from skinbake.relight.relit import Sun, light_coefficients, relit
+from skinbake.relight.transfer import Transfer
 from skinbake.scene.budget import left_wrong
 from skinbake.scene.decision import Decision
 from skinbake.scene.spec import SceneSpec
@@ -44,6 +47,15 @@ class Pixels(Protocol):
 
     def albedo(self, tile: int) -> Image:
         """Linear albedo of the skin, (H, W, 3) or (1, 1, 3)."""
+
+    def transfer(self) -> Transfer:
+        """Textures for lights that come later.
+
+        Raises
+        ------
+        InputError
+            The look has no `relight`.
+        """
 
 
 class Viewer:
@@ -141,13 +153,13 @@ class BakedSkin:
         from skinbake.io.png import png_bytes
         from skinbake.preview.tonemap import tonemap
 
-        m = self.radiant_exitance()
+        m = self.radiant_exitance() if self.lights else self.relight(np.full((2, 4, 3), 1 / np.pi))
         step = max(1, max(m.shape[:2]) // _NOTEBOOK_TEXELS)
         small = m[: m.shape[0] // step * step, : m.shape[1] // step * step]
         small = small.reshape(small.shape[0] // step, step, small.shape[1] // step, step, 3).mean(axis=(1, 3))
         picture = tonemap(small / np.float32(np.pi), self.look.preview.exposure)
         data = base64.b64encode(png_bytes(picture)).decode("ascii")
-        lights = html.escape(", ".join(self.lights))
+        lights = html.escape(", ".join(self.lights) or "come later")
         return (
             f'<figure><img src="data:image/png;base64,{data}" alt="Light leaving the skin">'
             f"<figcaption>{html.escape(self.verdict)}; lights {lights}</figcaption></figure>"
@@ -195,6 +207,7 @@ class BakedSkin:
         """
         if light is not None and light not in self.lights:
             raise InputError(f"light: expected one of {', '.join(self.lights)}, got {light}")
+        self._refuse_unlit()
         return self._pixels.irradiance(self._tile(tile), light)
 
     def lobe(self, index: int, light: str | None = None, tile: int | None = None) -> Image:
@@ -218,6 +231,7 @@ class BakedSkin:
         InputError
             There is no such lobe, light or tile, or a file is missing or damaged.
         """
+        self._refuse_unlit()
         if not 0 <= index < len(self.weight_rgb):
             raise InputError(f"lobe: expected 0 to {len(self.weight_rgb) - 1}, got {index}")
         return self._pixels.lobe(index, self._tile(tile), self._stored(light))
@@ -247,6 +261,7 @@ class BakedSkin:
         ----------
         [dEon2007]
         """
+        self._refuse_unlit()
         tile = self._tile(tile)
         width, height = self.look.texture.size
         factors = {name: np.broadcast_to(np.asarray(gain, np.float32), 3) for name, gain in (gains or {}).items()}
@@ -287,6 +302,64 @@ class BakedSkin:
         after = np.float32(1 - self.look.texturing.exponent_before)
         return self._pixels.albedo(self._tile(tile)) ** after if after else np.ones((1, 1, 3), np.float32)
 
+    def relight(
+        self,
+        environment: Path | str | Image | None = None,
+        rotate_deg: float = 0.0,
+        suns: Sequence[Sun] = (),
+        tile: int | None = None,
+    ) -> Image:
+        """Light leaving the skin, M, under a sky and suns that no bake has seen; needs a look with `relight`.
+
+        Linear in the light, but that what is below 0 is set to 0. How wrong it is stands in relight.json.
+
+        Parameters
+        ----------
+        environment : path, or ndarray of shape (h, w, 3), optional
+            Equirectangular radiance, as of a look's environment.
+        rotate_deg : float
+            Turns the sky about +y, +z towards +x.
+        suns : sequence of (direction, irradiance_rgb)
+            `direction` is where the light travels; irradiance is that of a plane which faces it.
+        tile : int, optional
+            UDIM number; the first tile by default.
+
+        Returns
+        -------
+        ndarray of shape (H, W, 3), float32
+            Of the size of the look's texture.
+
+        Raises
+        ------
+        InputError
+            The look has no `relight`, there is no such tile, or a file is missing, damaged or no sky.
+
+        References
+        ----------
+        [Sloan2002]
+        """
+        tile, transfer = self._tile(tile), self._transfer
+        sky = None if environment is None else _sky_of(environment)
+        amount = light_coefficients(transfer.basis, sky, rotate_deg, [_checked_sun(sun) for sun in suns])
+        width, height = self.look.texture.size
+        total = magnify_bilinear(relit(transfer.textures[tile], amount), (height, width))
+        after = 1 - self.look.texturing.exponent_before
+        return total * self._pixels.albedo(tile) ** np.float32(after) if after else total
+
+    @cached_property
+    def _transfer(self) -> Transfer:
+        return self._pixels.transfer()
+
+    def _refuse_unlit(self) -> None:
+        """Stop where there is no light yet.
+
+        Raises
+        ------
+        InputError
+        """
+        if not self.lights:
+            raise InputError("lights: this bake has no lights of its own; relight(environment, suns=...) shows any")
+
     def _tile(self, tile: int | None) -> int:
         if tile is not None and tile not in self.tiles:
             raise InputError(f"tile: expected one of {', '.join(map(str, self.tiles))}, got {tile}")
@@ -299,3 +372,24 @@ class BakedSkin:
         if light is not None and not self.look.output.separate_lights:
             raise InputError(f"light {light}: this bake summed its lights; bake with output.lights: separate")
         return light
+
+
+def _sky_of(environment: Path | str | Image) -> Image:
+    """Radiance (h, w, 3) of a file, or as it was given."""
+    if isinstance(environment, Path | str):
+        from skinbake.io.environment import read_sky
+
+        return read_sky(environment)
+    sky = np.asarray(environment, np.float32)
+    if sky.ndim != 3 or sky.shape[2] != 3 or not np.isfinite(sky).all() or (sky < 0).any():
+        raise InputError(f"environment: expected finite radiance >= 0 of shape (h, w, 3), got shape {sky.shape}")
+    return sky
+
+
+def _checked_sun(sun: Sun) -> Sun:
+    """A sun of a direction and three numbers, not below 0."""
+    direction, irradiance = (np.asarray(part, np.float64) for part in sun)
+    finite = direction.shape == irradiance.shape == (3,) and np.isfinite([direction, irradiance]).all()
+    if not finite or not direction.any() or (irradiance < 0).any():
+        raise InputError(f"suns: expected (direction, irradiance_rgb), three finite numbers each, got {sun}")
+    return direction.tolist(), irradiance.tolist()

@@ -20,7 +20,9 @@ from skinbake.io.exr import channel_of, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.lobes import is_transmission
 from skinbake.io.manifest import NAME, read_manifest, spec_of
+from skinbake.io.relight import read_use, transfer_of
 from skinbake.io.scene_files import read_scene
+from skinbake.relight.transfer import Transfer
 from skinbake.scene.decision import Decision
 from skinbake.scene.spec import SceneSpec
 
@@ -51,10 +53,10 @@ def open_bake(folder: Path | str) -> BakedSkin:
         tuple(manifest["lights"] or [light.name for light in look.lights]),
         pixels.tiles,
         np.array([lobe["variance_mm2"] for lobe in manifest["lobes"]], np.float64),
-        np.array([lobe["weight_rgb"] for lobe in manifest["lobes"]], np.float64),
+        np.array([lobe["weight_rgb"] for lobe in manifest["lobes"]], np.float64).reshape(-1, 3),
         MeasuredError(**{name: error[name] for name in MeasuredError.__dataclass_fields__}) if error else None,
         tuple(Decision.from_record(line) for line in manifest["plan"]),
-        is_transmission(manifest["lobes"][-1]["method"]),
+        bool(manifest["lobes"]) and is_transmission(manifest["lobes"][-1]["method"]),
         folder,
     )
 
@@ -72,8 +74,10 @@ class _FolderPixels:
         """UDIM numbers, which the file names hold where there are tiles."""
         if not self.look.texture.udim:
             return (FIRST_TILE,)
+        relight = self.manifest["relight"] is not None
+        files = self.manifest["irradiance"] or (read_use(self.folder)["files"].values() if relight else ())
         try:
-            return tuple(int(Path(file).stem.rpartition(".")[2]) for file in self.manifest["irradiance"])
+            return tuple(int(Path(file).stem.rpartition(".")[2]) for file in files)
         except ValueError as error:
             raise InputError(
                 f"{self.folder / NAME}: expected a tile number in each file name; bake it again"
@@ -93,6 +97,9 @@ class _FolderPixels:
     def albedo(self, tile: int) -> Image:
         scene, atlas = self._scene
         return albedo_of(scene.maps, next(of for of in atlas if of.tile == tile), scene.mesh)
+
+    def transfer(self) -> Transfer:
+        return transfer_of(self.folder)
 
     @cached_property
     def _scene(self) -> Any:

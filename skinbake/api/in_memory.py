@@ -16,9 +16,11 @@ from skinbake.baking.memory_store import MemoryStore
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
 from skinbake.diffuse.light_entering import albedo_of
+from skinbake.errors import InputError
 from skinbake.io.config import load_look
 from skinbake.io.lobes import StoredLobe
 from skinbake.pipeline import Baked, Stages
+from skinbake.relight.transfer import Transfer
 from skinbake.scene.spec import SceneSpec
 from skinbake.stored_precision import as_stored
 
@@ -66,10 +68,10 @@ def bake(look: SceneSpec | Path | str, verbosity: int = 0) -> BakedSkin:
         tuple(light.name for light in spec.lights),
         inputs.tiles,
         np.array([lobe.variance_mm2 for lobe in lobes]),
-        np.array([lobe.weight_rgb for lobe in lobes]),
+        np.array([lobe.weight_rgb for lobe in lobes]).reshape(-1, 3),
         baked.diffuse.error,
         baked.plan,
-        lobes[-1].transmitted,
+        bool(lobes) and lobes[-1].transmitted,
     )
 
 
@@ -97,3 +99,8 @@ class _MemoryPixels:
         raster = next(of for of in self.stages.raster.result() if of.tile == tile)
         scene = self.inputs.scene()
         return albedo_of(scene.maps, raster, scene.mesh)
+
+    def transfer(self) -> Transfer:
+        if self.baked.relight is None:
+            raise InputError("relight: expected a look with relight, got one without")
+        return self.baked.relight

@@ -78,6 +78,9 @@ def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[di
     inputs, results, log = bake.inputs, bake.results, bake.log
     stages = bake.stages()
     refuse_spoilt_look(inputs, stages)
+    if preview and not inputs.spec.lights:
+        preview = False
+        log.say(f"  no lights yet, no picture: skinbake preview {results.folder} --environment SKY.exr shows one")
     with results.open(preview), PreviewWorker() as worker:
         picture = PreviewStage(inputs, stages, results, worker, log)
         if preview:
@@ -88,9 +91,9 @@ def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[di
                 picture.result()  # while the files are written
         finally:  # what was baked is whole, also without a picture
             results.finish_writing()
-            if inputs.spec.output.tx:
+            if inputs.spec.output.tx and inputs.spec.lights:
                 TexturesStage(stages, results, log).result()
-            if not preview:
+            if not preview and inputs.spec.lights:
                 picture.load()  # a picture of these very lobes stays
             results.remove_others()
             manifest = manifest_of(inputs, results, log, baked)

@@ -32,7 +32,11 @@ def stale_stages(spec: SceneSpec, force: bool, preview: bool, session: BakeSessi
     bake = folder_bake(spec, force, 0, session)
     stages, results, log = bake.stages(), bake.results, bake.log
     asked: list[Stage] = [stages.profile, stages.irradiance, stages.diffuse]
-    if spec.output.tx:
+    if not spec.lights:
+        asked, preview = [stages.profile], False
+    if stages.relight:
+        asked.append(stages.relight)
+    if spec.output.tx and spec.lights:
         asked.append(TexturesStage(stages, results, log))
     if preview:
         asked.append(PreviewStage(bake.inputs, stages, results, PreviewWorker(), log))

@@ -31,9 +31,11 @@ from skinbake.io.mesh import write_obj
 from skinbake.io.output_names import FIT_FILES, MESH, PICTURE, PICTURE_KEY
 from skinbake.io.png import write_png
 from skinbake.io.profile import read_gaussians, write_fit
+from skinbake.io.relight import TEXTURES, USE, read_use, transfer_of, write_transfer
 from skinbake.io.tx import is_current, tx_paths, write_tx
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import FitReport, GaussianSum
+from skinbake.relight.transfer import Transfer
 
 
 class FolderStore:
@@ -226,6 +228,37 @@ class FolderStore:
         self._background.do(
             lambda: write_lobes(
                 self.folder, result, provenance.key, header, output.precision, output.compression, separate, self._udim
+            )
+        )
+
+    # Light that comes later
+
+    def transfer(self, key: str) -> Transfer | None:
+        """What relight.json says, where it fits and every file is there as it was left."""
+        if self.force:
+            return None
+        try:
+            use = read_use(self.folder)
+            paths = [self.folder / name for name in (*use["files"].values(), USE)]
+            there = use["key"] == key and all(path.is_file() and self._files.as_left(path) for path in paths)
+            headers = [part_keys(path) for path in paths[:-1]] if there else []
+            if not there or not all(set(header.values()) == {key} for header in headers):
+                return None
+            found = transfer_of(self.folder, tiles=False)
+        except InputError:
+            return None
+        self.written |= {path.name for path in paths}
+        return found
+
+    def keep_transfer(self, transfer: Transfer, provenance: Provenance) -> None:
+        """Write relight.exr and relight.json."""
+        names = {tile_path(self.folder / TEXTURES, tile, self._udim).name for tile in transfer.textures} | {USE}
+        self._begin(names)
+        (self.folder / USE).unlink(missing_ok=True)  # that of other textures
+        header, output = self._header(provenance), self._output
+        self._background.do(
+            lambda: write_transfer(
+                self.folder, transfer, provenance.key, header, output.precision, output.compression, self._udim
             )
         )
 

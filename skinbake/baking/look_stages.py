@@ -11,6 +11,7 @@ from skinbake.baking.stages.diffuse import DiffuseStage
 from skinbake.baking.stages.irradiance import GivenIrradiance, IrradianceStage
 from skinbake.baking.stages.profile import ProfileStage
 from skinbake.baking.stages.raster import RasterStage
+from skinbake.baking.stages.relight import RelightStage
 from skinbake.diffuse.scatter import refuse_too_large
 from skinbake.pipeline import Stages
 
@@ -40,7 +41,8 @@ def look_stages(
     raster = RasterStage(inputs, results, session, log)
     irradiance = given or IrradianceStage(inputs, raster, results, session, log, log.note)
     diffuse = DiffuseStage(inputs, profile, raster, irradiance, results, log, log.note)
-    return Stages(inputs.decisions, profile, raster, irradiance, diffuse)
+    relight = RelightStage(inputs, profile, results, log, log.note) if inputs.spec.relight else None
+    return Stages(inputs.decisions, profile, raster, irradiance, diffuse, relight)
 
 
 def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> None:
@@ -53,6 +55,6 @@ def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> None:
     MachineError
         More memory than there is.
     """
-    if stages.irradiance.stale():
+    if stages.irradiance.stale() or (stages.relight and stages.relight.stale()):
         refuse_too_large(inputs.spec, inputs.decisions, len(inputs.tiles))
         refuse_spoilt(uv_report(inputs.scene().mesh, stages.raster.result()), inputs.spec.mesh.path)

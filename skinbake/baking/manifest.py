@@ -12,8 +12,10 @@ from skinbake.baking.stage_log import StageLog
 from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name, stored_method
 from skinbake.io.manifest import portable_config, transport_digest
+from skinbake.io.output_names import RELIGHT
 from skinbake.machine import peak_memory_mib
 from skinbake.pipeline import Baked
+from skinbake.relight.transfer import Transfer
 from skinbake.scene.decision import kept_of_any_light
 
 
@@ -39,6 +41,14 @@ def finish_manifest(results: FolderStore, manifest: dict[str, Any]) -> None:
     if model and model["of"] == transport_digest(manifest):
         manifest["error"] = (manifest["error"] or {}) | {"model": model}
     results.finish(manifest)
+
+
+def relight_record(transfer: Transfer | None) -> dict[str, Any] | None:
+    """What bake.json says of textures for any light; relight.json has the rest."""
+    if transfer is None:
+        return None
+    error = {kind: each.rms for kind, each in transfer.error.items()}
+    return {"file": RELIGHT[1], "basis": transfer.basis.kind, "textures": len(transfer.basis), "rms": error}
 
 
 def _other_errors(inputs: BakeInputs, baked: Baked) -> dict[str, Any]:
@@ -83,9 +93,10 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
         "version": skinbake.__version__,
         "config": portable_config(spec, results.folder),
         "inputs": inputs.digests,
-        "irradiance": [path.name for path in results.irradiance_paths().values()],
+        "irradiance": [path.name for path in results.irradiance_paths().values()] if spec.lights else [],
         "lobes": lobes,
         "lights": [light.name for light in spec.lights],
+        "relight": relight_record(baked.relight),
         "texturing": spec.texturing.model_dump(),
         "terms": {
             "energy_conservation": baked.decisions.energy_conservation.enabled,

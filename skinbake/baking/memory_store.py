@@ -11,6 +11,7 @@ from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import FitReport, GaussianSum
+from skinbake.relight.transfer import Transfer
 
 
 class MemoryStore:
@@ -49,6 +50,13 @@ class MemoryStore:
         return result
 
     def keep_lobes(self, result: DiffuseMap, provenance: Provenance) -> None:
+        """Write nothing."""
+
+    def transfer(self, key: str) -> Transfer | None:
+        """Nothing."""
+        return None
+
+    def keep_transfer(self, transfer: Transfer, provenance: Provenance) -> None:
         """Write nothing."""
 
     def stale_textures(self, result: DiffuseMap) -> dict[Path, int]:

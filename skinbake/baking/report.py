@@ -36,6 +36,13 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, 
     if baked.left_wrong is not None:
         tolerance = baked.decisions.budget.tolerance
         log.say(f"  all that is left wrong, of any one light: rms {baked.left_wrong:.3%} of {tolerance:.3%}")
+    if baked.relight:
+        count, kind, (width, height) = len(baked.relight.basis), baked.relight.basis.kind, baked.relight.judged_at
+        log.say(f"  relighting by {count} textures ({kind}), against bakes of lights unseen at {width} x {height}:")
+        for name, error in baked.relight.error.items():
+            log.say(f"    {error.sentence(name)}")
+    if not baked.diffuse.lobes:
+        return
     if model:
         log.say(
             f"  the model's error, against light transport, {model['points']} points: "

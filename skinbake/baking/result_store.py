@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # stages import this, and their code keys must not hang on wh
     from skinbake.io.cache import Cache
     from skinbake.irradiance import IrradianceMap
     from skinbake.profile import FitReport, GaussianSum
+    from skinbake.relight.transfer import Transfer
 
 
 class ResultStore(Protocol):
@@ -49,6 +50,12 @@ class ResultStore(Protocol):
 
     def keep_lobes(self, result: DiffuseMap, provenance: Provenance) -> None:
         """Keep lobes that are rounded as they are stored."""
+
+    def transfer(self, key: str) -> Transfer | None:
+        """Textures for any light, with all figures but without pixels."""
+
+    def keep_transfer(self, transfer: Transfer, provenance: Provenance) -> None:
+        """Keep textures for any light, which are rounded as they are stored."""
 
     def stale_textures(self, result: DiffuseMap) -> dict[Path, int]:
         """Files whose .tx for renderers are missing or of another bake, and the tile of each."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from skinbake.cli.options import config_argument, force_option, out_option, quiet_option, set_option
+from skinbake.cli.options import config_argument, force_option, lit, out_option, quiet_option, set_option
 
 
 @click.command("diffuse")
@@ -24,4 +24,4 @@ def command(
     from skinbake.baking.diffuse_file import diffuse_file
     from skinbake.io.config import load_look
 
-    diffuse_file(load_look(config, overrides, out), irradiance, force, verbosity)
+    diffuse_file(lit(load_look(config, overrides, out)), irradiance, force, verbosity)

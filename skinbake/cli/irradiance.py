@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from skinbake.cli.options import config_argument, force_option, out_option, quiet_option, set_option
+from skinbake.cli.options import config_argument, force_option, lit, out_option, quiet_option, set_option
 
 
 @click.command("irradiance")
@@ -19,4 +19,4 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], force: boo
     from skinbake.errors import printable
     from skinbake.io.config import load_look
 
-    print(printable(str(light_look(load_look(config, overrides, out), force, verbosity) / "irradiance.exr")))
+    print(printable(str(light_look(lit(load_look(config, overrides, out)), force, verbosity) / "irradiance.exr")))

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+if TYPE_CHECKING:
+    from skinbake.scene.spec import SceneSpec
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -71,6 +74,20 @@ def bake_folder(path: str) -> str:
     from skinbake.io.config import load_look
 
     return load_look(path, files=False).output.dir
+
+
+def lit(look: SceneSpec) -> SceneSpec:
+    """The look, refused where it has no lights: for verbs that have nothing to do then.
+
+    Raises
+    ------
+    InputError
+    """
+    from skinbake.errors import InputError
+
+    if not look.lights:
+        raise InputError("lights: expected at least one, got none; a look with only `relight` is for `bake`")
+    return look
 
 
 def quiet_option(command: Command) -> Command:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinbake.cli.options import Output, config_argument, json_option, quiet_option, set_option
+from skinbake.cli.options import Output, config_argument, json_option, lit, quiet_option, set_option
 
 if TYPE_CHECKING:
     from skinbake.scene.spec import SceneSpec
@@ -64,7 +64,7 @@ def command(
     from skinbake.io.tradeoff import RUNS, advice
     from skinbake.tradeoff import plan_sweep
 
-    spec = load_look(config, overrides)
+    spec = lit(load_look(config, overrides))
     folder = Path(out) if out else Path(spec.output.dir) / "tradeoff"
     tables = [folder / f"tradeoff.{kind}" for kind in ("csv", "md", "png")]
     refuse_inputs([*tables, folder / RUNS], [config, *every_input(spec)])

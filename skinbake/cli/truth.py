@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from skinbake.cli.options import config_argument, json_option, out_option, quiet_option, set_option
+from skinbake.cli.options import config_argument, json_option, lit, out_option, quiet_option, set_option
 
 
 @click.command("truth")
@@ -45,7 +45,7 @@ def command(
     from skinbake.io.truth import NAME, WALKS
     from skinbake.io.truth_plot import write_truth_chart
 
-    look = load_look(config, overrides, out)
+    look = lit(load_look(config, overrides, out))
     folder = Path(bare_look(look).output.dir)
     chart = folder / "truth.png"
     refuse_inputs([chart, folder / NAME, folder / WALKS], [config, *every_input(look)])

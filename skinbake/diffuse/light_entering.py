@@ -102,7 +102,7 @@ def light_entering(
     incidence : Incidence, optional
         Of the medium, unless it is not asked for or there is no medium.
     """
-    slant = slant_of(incidence, _reference(spec, gaussians, medium, incidence)) if incidence else None
+    slant = slant_of(incidence, reference_reflectance(spec, gaussians, medium, incidence)) if incidence else None
     names = irradiance[0].lights
     skies = {}
     if slant and spec.terms.incidence != "off":
@@ -141,7 +141,7 @@ def light_entering(
         names = (TOTAL_LIGHT,)
 
     counted = slanted | ({TOTAL_LIGHT} if slanted else set())
-    gain = {name: _entering_again(spec, decisions, slant if name in counted else None) for name in names}
+    gain = {name: entering_again(spec, decisions, slant if name in counted else None) for name in names}
     # What of a light is left out already; of lights that are stored summed, each may be the only one
     spent = left_wrong(plan, names if decisions.separate_lights else irradiance[0].lights, 0.0)
     spent_of = {name: left_wrong(plan, (name,), 0.0) if decisions.separate_lights else spent for name in names}
@@ -215,12 +215,19 @@ def _decide_beam(
     return shifts, {line.term.removesuffix(".beam") for line in lines if line.enabled}, lines
 
 
-def _reference(spec: SceneSpec, gaussians: GaussianSum, medium: SkinMedium, incidence: Incidence) -> Float:
-    """Share that a factor of 1 stands for.
+def reference_reflectance(spec: SceneSpec, gaussians: GaussianSum, medium: SkinMedium, incidence: Incidence) -> Float:
+    """Share that a factor of 1 stands for, (3,).
 
     A white profile is that of light from everywhere: a constant sky stays what it was. Else the profile is of a beam
     along the normal: of its own medium by what it says itself, so that the light is the medium's, of a medium that is
     only named by what comes back there.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    gaussians : GaussianSum
+    medium : SkinMedium
+    incidence : Incidence
     """
     if spec.skin.normalise == "white":
         return incidence.diffuse_rgb
@@ -243,8 +250,16 @@ def _decide_incidence(
     return {of.name for of, line in zip(spec.lights, lines, strict=True) if line.enabled}, lines
 
 
-def _entering_again(spec: SceneSpec, decisions: Decisions, slant: Slant | None) -> Image:
-    """Factor on light from skin that falls on skin: what the oil lets in, and that it comes from everywhere; (3,)."""
+def entering_again(spec: SceneSpec, decisions: Decisions, slant: Slant | None) -> Image:
+    """Factor on light from skin that falls on skin: what the oil lets in, and that it comes from everywhere; (3,).
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    decisions : Decisions
+    slant : Slant, optional
+        None where incidence is not counted.
+    """
     share = 1.0
     if decisions.energy_conservation.enabled:
         oil = spec.specular

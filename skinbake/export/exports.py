@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from skinbake.api import BakedSkin, open_bake
+from skinbake.errors import InputError
 from skinbake.export import blender, gltf, layers, summed, web
 from skinbake.io.export_list import finish_export_list, keep_export_list, refuse_foreign
 from skinbake.io.lock import folder_lock
@@ -55,6 +56,8 @@ def write_exports(folder: Path, kinds: Sequence[str], target: Path) -> list[Path
         Disk full.
     """
     baked = open_bake(folder)
+    if not baked.lights:
+        raise InputError(f"{folder}: expected a bake with lights to export, got one for relighting only")
     names = export_names(baked, folder, kinds)
     refuse_foreign(target, names)
     figures: dict[str, Any] = {}

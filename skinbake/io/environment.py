@@ -41,6 +41,18 @@ def read_environments(lights: Iterable[LightSpec]) -> dict[str, Image]:
     return {light.name: _read(Path(str(light.path)), light) for light in chosen}
 
 
+def read_sky(path: Path | str) -> Image:
+    """Equirectangular radiance (h, w, 3) of a file that no look names.
+
+    Raises
+    ------
+    InputError
+        As `read_environments`.
+    """
+    light = EnvironmentLight(name="sky", type="environment", path=str(path))
+    return read_environments([light])["sky"]
+
+
 def _read(path: Path, light: EnvironmentLight) -> Image:
     _refuse_other_layouts(path, read_header(path))
     radiance = read_radiance(path, light.layer, light.color_space, is_sky=True, most=light.clamp)

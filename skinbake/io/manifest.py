@@ -69,14 +69,24 @@ class _PlanLine(Record):
     why: str
 
 
+class _Relight(Record):
+    """Textures for lights that come later."""
+
+    file: str
+    basis: str
+    textures: int
+    rms: dict[str, float]
+
+
 class _Manifest(Record):
     """Keys that readers of a folder rely on. Only those without which the textures cannot be used are required."""
 
     version: str = "?"
     config: dict[str, Any]
     inputs: dict[str, str] = Field({})
-    irradiance: list[str] = Field(["irradiance.exr"], min_length=1)
-    lobes: list[_Entry] = Field(min_length=1)
+    irradiance: list[str] = Field(["irradiance.exr"])
+    lobes: list[_Entry]
+    relight: _Relight | None = None
     lights: list[str] = Field([])
     terms: dict[str, Any] = Field({})
     timings: dict[str, float] = Field({})
@@ -84,6 +94,12 @@ class _Manifest(Record):
     error: _Error | None = None
     plan: list[_PlanLine] = Field([])
     bytes: dict[str, int] = Field({})
+
+    @model_validator(mode="after")
+    def _something(self) -> _Manifest:
+        if not self.relight and not (self.lobes and self.irradiance):
+            raise ValueError("expected lobes and irradiance, or relight, got none")
+        return self
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:

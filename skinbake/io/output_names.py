@@ -12,9 +12,11 @@ MANIFEST = "bake.json"
 FIT_FILES = ("profile.json", "profile.csv", "profile.png")  # in the order of their writing
 PICTURE, PICTURE_KEY = "preview.png", ".preview"
 MESH = "mesh.obj"
+RELIGHT = ("relight.exr", "relight.json")
 SOFTWARE = "skinbake"  # what our pictures and meshes say they were made with
-_TEXTURES = r"(irradiance|lobe_\d+|transmission)(\.[A-Za-z0-9_-]+)?(\.\d{4})?\.(exr|tx)"
-_OUTPUT = re.compile("|".join([_TEXTURES, *map(re.escape, (*FIT_FILES, PICTURE, PICTURE_KEY, MESH, MANIFEST))]))
+_TEXTURES = r"(irradiance|lobe_\d+|transmission|relight)(\.[A-Za-z0-9_-]+)?(\.\d{4})?\.(exr|tx)"
+_OTHERS = (*FIT_FILES, PICTURE, PICTURE_KEY, MESH, MANIFEST, RELIGHT[1])
+_OUTPUT = re.compile("|".join([_TEXTURES, *map(re.escape, _OTHERS)]))
 _BEGIN_BYTES = 1 << 18  # of a file, in which the headers of all its parts are
 _MARKS = {  # by the end of a name, what the file begins with, or has in its header, if it is ours
     ".exr": rb"(?s).*skinbake:",
@@ -22,6 +24,7 @@ _MARKS = {  # by the end of a name, what the file begins with, or has in its hea
     ".png": rb"(?s).*tEXtSoftware\0skinbake",
     ".obj": rb"# skinbake",
     ".csv": rb"r_mm,R,G,B,fit_R,fit_G,fit_B",
+    "relight.json": rb'\{\s*"basis"',
     "profile.json": rb'\{\s*"variance_mm2"',
     MANIFEST: rb'(?s).*"(version|config|inputs|lobes)"',  # damaged state of our own is made anew
     PICTURE_KEY: rb"",

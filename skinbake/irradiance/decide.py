@@ -19,7 +19,7 @@ def decide(spec: SceneSpec, lost: float = 0.0) -> Decisions:
     """
     budget = budget_of(spec, lost)
     separate = spec.output.separate_lights
-    names = tuple(light.name for light in spec.lights) if separate else (TOTAL_LIGHT,)
+    names = tuple(light.name for light in spec.lights) if separate or not spec.lights else (TOTAL_LIGHT,)
     return Decisions(_energy_conservation(spec, budget), separate, names, budget)
 
 

@@ -128,7 +128,7 @@ def plan_environment(
 def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: float) -> tuple[Float, Image, Decision]:
     """Matrix of the harmonics or table of all normals, the other of size 0, and the decision's line."""
     matrix = harmonic_matrix(radiance, light.rotate_deg)
-    normal = _all_around(NORMALS)
+    normal = all_around(NORMALS)
     exact = cosine_irradiance(radiance, light.rotate_deg, normal)
     series = np.zeros((1, NORMALS, 3), np.float32)
     light_by_harmonics(0, 1, matrix, normal[None].astype(np.float32), np.ones((1, NORMALS), np.bool_), series)
@@ -209,7 +209,7 @@ def _relative(found: Image | Float, exact: Image | Float) -> float:
     return float(difference / whole) if whole > 0 else float("inf")
 
 
-def _all_around(count: int) -> Float:
+def all_around(count: int) -> Float:
     """Unit vectors spread evenly over the sphere (Fibonacci's spiral), shape (count, 3)."""
     step = np.arange(count)
     y, turn = 1 - (2 * step + 1) / count, step * np.pi * (3 - np.sqrt(5))

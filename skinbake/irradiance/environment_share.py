@@ -71,7 +71,7 @@ def open_sums(
 
     def add_up(part: slice) -> None:
         starts, rays = (np.empty((len(out[part]) * directions.shape[1], 3), np.float32) for _ in range(2))
-        count = _aim(origin[part], normal[part], directions, starts, rays)
+        count = aim(origin[part], normal[part], directions, starts, rays)
         clear: NDArray[Any] = np.ones(count, np.bool_)
         if occluder is not None:
             clear = occluder.unhindered(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
@@ -88,7 +88,7 @@ def _cosine(normal: Image, i: int, directions: Image, s: int) -> float:
 
 
 @kernel
-def _aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: Image) -> int:
+def aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: Image) -> int:
     """Rays from each point to the directions above its horizon, point after point; the number of rays.
 
     Parameters
@@ -118,7 +118,7 @@ def _sum(
     oil: OilLayer,
     out: Float,
 ) -> None:
-    """Sums of `open_sums` for some points, from the answers to `_aim`'s rays.
+    """Sums of `open_sums` for some points, from the answers to `aim`'s rays.
 
     Parameters
     ----------

@@ -46,5 +46,5 @@ class IrradianceMap:
 
 def decided_for(maps: tuple[IrradianceMap, ...]) -> tuple[Decision, ...]:
     """The plan's lines on all lights, in their order."""
-    first = maps[0]
-    return tuple(line for name in first.lights for line in first.plan.get(name, ()))
+    first = maps[:1]
+    return tuple(line for of in first for name in of.lights for line in of.plan.get(name, ()))

@@ -51,6 +51,8 @@ def look_schema(methods: Sequence[str]) -> dict[str, Any]:
     for holder in _unions(schema):
         holder.pop("discriminator", None)
         holder["anyOf"] = holder.pop("oneOf")
+    # Without `relight` a look has lights
+    schema |= {"if": {"not": {"required": ["relight"]}}, "then": {"properties": {"lights": {"minItems": 1}}}}
     # What every file may say of itself, for editors
     schema["properties"]["$schema"] = {"type": "string", "description": "Where this schema lies."}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A look of skinbake"} | {

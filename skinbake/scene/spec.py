@@ -364,6 +364,19 @@ def _one_as_many(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
 
+class RelightSpec(Strict):
+    """Transfer of light from everywhere, scattering included: after it any sky and any sun need no bake."""
+
+    textures: Annotated[int, Field(ge=4, le=64)] = 25
+    """The most textures; fewer where these keep the tolerance."""
+    size: Annotated[int, Field(ge=16, le=LARGEST_SIZE)] | None = None
+    """Texels of the textures' longer side; by default 1024, or that of the texture where it is smaller."""
+    tolerance: Positive = 0.02
+    """Root mean square error that skies may have, as a share of their light, by which textures are counted."""
+    basis: Literal["auto", "harmonics", "fitted"] = "auto"
+    """Spherical harmonics, or lights fitted to what this head tells apart; `auto` takes what needs fewer."""
+
+
 class OutputSpec(Strict):
     """Folder, format and content of what is written."""
 
@@ -428,8 +441,10 @@ class SceneSpec(Strict):
     """The textures that are baked."""
     skin: SkinSpec
     """How the skin scatters."""
-    lights: Annotated[tuple[LightSpec, ...], Field(min_length=1, max_length=1024)]
-    """What lights it."""
+    relight: RelightSpec | None = None
+    """Also bake what any sky and any sun can be shown with; alone where there are no lights."""
+    lights: Annotated[tuple[LightSpec, ...], Field(max_length=1024)]
+    """What lights it; none only where there is `relight`."""
     shadows: bool = True
     """Whether lights cast shadows that do not say otherwise themselves."""
     tolerance: Positive | None = None
@@ -476,9 +491,26 @@ class SceneSpec(Strict):
             )
         return diffusion.model_copy(update={"tolerance": given})
 
+    @field_validator("relight")
+    @classmethod
+    def _no_larger(cls, relight: RelightSpec | None, info: ValidationInfo) -> RelightSpec | None:
+        largest = max(info.data["texture"].size) if "texture" in info.data else LARGEST_SIZE
+        if relight and relight.size is not None and relight.size > largest:
+            raise ValueError(f"expected a size of at most that of the texture, {largest}, got {relight.size}")
+        return relight
+
+    @field_validator("terms")
+    @classmethod
+    def _no_beam(cls, terms: TermsSpec, info: ValidationInfo) -> TermsSpec:
+        if info.data.get("relight") and terms.beam == "on":
+            raise ValueError("expected beam: auto or off beside relight, which knows no beams, got on")
+        return terms
+
     @field_validator("lights")
     @classmethod
-    def _names_differ(cls, lights: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _names_differ(cls, lights: tuple[Any, ...], info: ValidationInfo) -> tuple[Any, ...]:
+        if not lights and info.data.get("relight") is None:
+            raise ValueError("expected at least one light, or relight for those that come later, got none")
         names = [light.name for light in lights]
         twice = sorted(name for name, count in Counter(names).items() if count > 1)
         if twice:

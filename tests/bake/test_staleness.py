@@ -26,6 +26,7 @@ from skinbake.io.exr import Part, rgb_channels, write_parts
 from skinbake.io.png import write_png
 from skinbake.preview.setup_gl import renderer_name
 from skinbake.profile import fit_skin
+from skinbake.relight.unseen_lights import unseen_lights
 from skinbake.scene.spec import SceneSpec
 from tests.cli.test_faults import contents
 from tests.gltf_files import Gltf, vertices_of
@@ -129,6 +130,7 @@ BASES = {
     "reduced": plain(texture={"size": 32, "gutter": 2}, maps={"albedo": "albedo.exr"}, diffusion=PLAIN["diffusion"] | {
         "tolerance": 0.9}),
     "shown": plain(preview={"size": [24, 30]}, specular={"f0": 0.03}),
+    "relit": plain(relight={"textures": 9, "basis": "fitted", "tolerance": 0.01}, maps={"albedo": "albedo.exr"}),
 }  # fmt: skip
 
 FIT = {"skin.fit.gaussians": 3, "skin.fit.signed": True, "skin.fit.energy": "free", "skin.normalise": "none"}
@@ -209,6 +211,8 @@ CHANGES = {
                "preview.background_rgb": [0.5, 0.2, 0.1], "specular.f0": 0.05, "skin.variance_mm2": [4.0, 50.0],
                "skin.weight_rgb": [[0.4, 0.6, 0.7], [0.6, 0.4, 0.3]], "skin.normalise": "none"},
               {"skin.fit.gaussians": 1}, {"skin.fit.tolerance": 0.9}],
+    "relit": [{"relight.textures": 7, "relight.size": 16, "relight.tolerance": 0.2, "relight.basis": "harmonics",
+               "texturing.mode": "post-scatter"}],
 }  # fmt: skip
 FILES = {
     "head": ["head.obj", "albedo.exr", "normal.exr", "rough.exr"],
@@ -327,6 +331,7 @@ def quick_writing(monkeypatch):
     monkeypatch.setattr("skinbake.diffuse.planning.texture_size.SMALLEST", 16)
     monkeypatch.setattr("skinbake.io.profile_plot.write_fit_plot", lambda path, fit: write_text(path, repr(fit.curve)))
     monkeypatch.setattr("os.fsync", lambda file: None)
+    monkeypatch.setattr("skinbake.relight.transfer.unseen_lights", lambda seed: unseen_lights(seed)[32:34])
 
 
 class Bakes:

@@ -56,6 +56,7 @@ def test_shipped_looks_keep_to_it(name):
 
 
 SHORT = [
+    {"relight": {}, "lights": []},
     {"maps": "file"},
     {
         "maps": {

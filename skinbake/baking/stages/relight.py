@@ -1,0 +1,98 @@
+"""Stage: textures with which any sky and any sun can be shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from skinbake.baking.incidence_table import incidence_table
+from skinbake.baking.inputs_roles import OCCLUDERS
+from skinbake.baking.provenance import Provenance
+from skinbake.io.code_digest import code_digest
+from skinbake.io.digests import key_of
+from skinbake.io.relight import stored_transfer
+from skinbake.pipeline import Stage
+from skinbake.profile import GaussianSum
+from skinbake.profile.skin_medium import skin_medium
+from skinbake.relight.transfer import Transfer, make_transfer
+
+if TYPE_CHECKING:
+    from skinbake.baking.inputs import BakeInputs
+    from skinbake.baking.result_store import ResultStore
+    from skinbake.baking.stages.profile import ProfileStage
+    from skinbake.pipeline import StageTimer
+
+_READ = ("mesh", "albedo", "normal", "height", "detail", "roughness", "specular")  # roles of files
+
+
+class RelightStage(Stage[Transfer, Transfer]):
+    """Lights the skin from everywhere and scatters that; stored as relight.exr and relight.json."""
+
+    name = "relight"
+
+    def __init__(
+        self,
+        inputs: BakeInputs,
+        profile: ProfileStage,
+        results: ResultStore,
+        timer: StageTimer,
+        say: Callable[[str], None],
+    ) -> None:
+        super().__init__(timer)
+        self._inputs, self._profile, self._results, self._say = inputs, profile, results, say
+
+    def key(self) -> str:
+        """Digest of everything but the lights."""
+        return self._key(self._profile.result())
+
+    def _key(self, gaussians: GaussianSum) -> str:
+        inputs, spec = self._inputs, self._inputs.spec
+        assert spec.relight is not None
+        medium = skin_medium(spec.skin)
+        return key_of(
+            code_digest(__name__),
+            [values.tolist() for values in (gaussians.variance_mm2, gaussians.weight_rgb, gaussians.energy_rgb)],
+            inputs.key(*_READ, OCCLUDERS),
+            (medium.identity, medium.why, medium.named, spec.skin.normalise),
+            [part.model_dump(mode="json") for part in (spec.relight, spec.diffusion, spec.terms, spec.specular)],
+            (spec.shadows, spec.texturing.exponent_before, inputs.decisions.energy_conservation.enabled),
+            (spec.output.precision, spec.output.compression, spec.output.seed),
+        )
+
+    @property
+    def inputs_read(self) -> dict[str, str]:
+        """Digests of the files that are read for it, by role."""
+        digests = self._inputs.digests
+        return {r: d for r, d in digests.items() if r in (*_READ, "skin") or r.startswith("occluder.")}
+
+    def load(self) -> Transfer | None:
+        """What the files say, without the textures' pixels."""
+        return self._results.transfer(self.key())
+
+    def compute(self) -> Transfer:
+        """Textures, and their error on lights that they were not made for."""
+        inputs = self._inputs
+        medium = skin_medium(inputs.spec.skin)
+        slanted = medium.layers and inputs.spec.terms.incidence != "off"
+        return make_transfer(
+            inputs.spec,
+            inputs.decisions,
+            inputs.scene(),
+            self._profile.result(),
+            medium,
+            incidence_table(medium, self._say) if slanted else None,
+            self._say,
+        )
+
+    def store(self, made: Transfer) -> Transfer:
+        """Round the textures as their files hold them, and keep them."""
+        result = stored_transfer(made, self._inputs.spec.output.precision)
+        self._results.keep_transfer(result, Provenance(self.key(), self.inputs_read))
+        return result
+
+    def stale(self) -> str:
+        """Why the textures would be made: computes no fit to tell."""
+        gaussians = self._profile.load()
+        if gaussians is None:
+            return "after the profile"
+        return "" if self._results.transfer(self._key(gaussians)) is not None else "to light from everywhere"

@@ -1,0 +1,178 @@
+"""relight.exr and relight.json: textures of a basis of light, how to use them, and how wrong they are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+import skinbake
+from skinbake.atlas import FIRST_TILE
+from skinbake.errors import InputError
+from skinbake.io.atomic import write_text
+from skinbake.io.exr import Part, channel_of, read_parts, rgb_channels, write_parts
+from skinbake.io.irradiance import tile_path
+from skinbake.io.output_names import RELIGHT
+from skinbake.io.record import Record, read_record
+from skinbake.relight.basis import LightBasis
+from skinbake.relight.light_error import KindError
+from skinbake.relight.transfer import Transfer
+from skinbake.scene.decision import Decision
+from skinbake.stored_precision import as_stored
+
+TEXTURES, USE = RELIGHT
+PROJECTION = (
+    "A light is c_k = sum_j of_harmonics[k][j] h_j a channel, and M = max(0, sum_k c_k basis.k). h_j of a sky is the "
+    "integral of radiance times Y_j, of a sun its irradiance times Y_j towards it (where it comes from). Y_j are real "
+    "and orthonormal over the sphere, j = l^2 + l + m, pole +y, azimuth from +z towards +x; m > 0 with cos(m azimuth), "
+    "m < 0 with sin(|m| azimuth), no Condon-Shortley phase. L = M / pi; what of the albedo comes after scattering is "
+    "not in it."
+)
+
+
+class _KindRecord(Record):
+    """A `KindError`."""
+
+    lights: int
+    rms: float
+    p95: float
+    worst: float
+    worst_light: dict[str, Any]
+    worst_at: dict[str, Any]
+    clamped: float
+
+
+class _Use(Record):
+    """What readers of relight.json rely on."""
+
+    basis: str
+    key: str
+    files: dict[str, str] = Field(min_length=1)
+    size: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=2, max_length=2)]
+    of_harmonics: list[list[float]] = Field(min_length=1)
+    error: dict[str, _KindRecord]
+    judged_at: Annotated[list[int], Field(min_length=2, max_length=2)]
+    plan: list[dict[str, Any]]
+
+
+def part_name(index: int) -> str:
+    """Name of the part of a texture."""
+    return f"basis.{index:02d}"
+
+
+def write_transfer(
+    folder: Path,
+    transfer: Transfer,
+    key: str,
+    attributes: Mapping[str, Any],
+    precision: str,
+    compression: str,
+    udim: bool,
+) -> None:
+    """Write the textures, then relight.json: where that is, all of them are.
+
+    Parameters
+    ----------
+    folder : Path
+    transfer : Transfer
+    key : str
+        Stage key, for every header.
+    attributes : mapping
+        For every header.
+    precision, compression : str
+        As `write_parts`.
+    udim : bool
+        Whether there are tiles.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `write_parts`.
+    """
+    files = {tile: tile_path(folder / TEXTURES, tile, udim) for tile in transfer.textures}
+    for tile, textures in transfer.textures.items():
+        parts = [Part(part_name(k), rgb_channels(image)) for k, image in enumerate(textures)]
+        write_parts(files[tile], parts, dict(attributes) | {"skinbake:key": key}, precision, compression)
+    height, width = next(iter(transfer.textures.values())).shape[1:3]
+    basis = transfer.basis
+    record = {
+        "basis": basis.kind,
+        "textures": len(basis),
+        "version": skinbake.__version__,
+        "key": key,
+        "files": {str(tile): path.name for tile, path in files.items()},
+        "size": [width, height],
+        "error": {kind: error.record() for kind, error in transfer.error.items()},
+        "judged_at": list(transfer.judged_at),
+        "plan": [line.record() for line in transfer.plan],
+        "projection": PROJECTION,
+        "order": basis.order,
+        "of_harmonics": basis.of_harmonics.tolist(),
+    }
+    text = json.dumps({name: value for name, value in record.items() if name != "of_harmonics"}, indent=1)
+    rows = ",\n  ".join(json.dumps(row) for row in record["of_harmonics"])
+    write_text(folder / USE, f'{text.removesuffix("}").rstrip()},\n "of_harmonics": [\n  {rows}\n ]\n}}\n')
+
+
+def stored_transfer(transfer: Transfer, precision: str) -> Transfer:
+    """A transfer as its files give it back, textures as (K, H, W, 3) rounded."""
+    rounded = {tile: as_stored(textures, precision) for tile, textures in transfer.textures.items()}
+    return Transfer(transfer.basis, rounded, transfer.error, transfer.judged_at, transfer.plan)
+
+
+def read_use(folder: Path) -> dict[str, Any]:
+    """Checked contents of relight.json.
+
+    Raises
+    ------
+    InputError
+        There is none, or it is damaged.
+    """
+    return read_record(folder / USE, _Use, f"a bake with {USE}, as `relight:` in its look makes it")
+
+
+def transfer_of(folder: Path, tiles: bool = True) -> Transfer:
+    """What `write_transfer` wrote.
+
+    Parameters
+    ----------
+    folder : Path
+    tiles : bool
+        With the textures, as they are stored; without them each tile has none.
+
+    Raises
+    ------
+    InputError
+        Something is missing or damaged.
+    """
+    use = read_use(folder)
+    try:
+        matrix = np.array(use["of_harmonics"], np.float64)
+        order = int(np.sqrt(matrix.shape[1])) - 1
+        error = {kind: KindError(**each) for kind, each in use["error"].items()}
+        plan = tuple(Decision.from_record(line) for line in use["plan"])
+    except (ValueError, TypeError, KeyError, IndexError) as fault:
+        raise InputError(f"{folder / USE}: expected what a bake wrote, got: {fault}; bake it again") from fault
+    if matrix.ndim != 2 or matrix.shape[1] != (order + 1) ** 2 or not np.isfinite(matrix).all():
+        raise InputError(f"{folder / USE}: of_harmonics: expected rows of a square number of finite values")
+    # A reader has no use for the radiance of the lights themselves
+    basis = LightBasis(use["basis"], matrix, np.zeros((matrix.shape[1], 0)))
+    textures = {}
+    for tile, name in use["files"].items():
+        textures[int(tile) if tile.isdecimal() else FIRST_TILE] = (
+            _read(folder / name, len(matrix)) if tiles else np.zeros((0, use["size"][1], use["size"][0], 3), np.float16)
+        )
+    width, height = use["judged_at"]
+    return Transfer(basis, textures, error, (width, height), plan)
+
+
+def _read(path: Path, count: int) -> NDArray[np.floating]:
+    """Textures of a tile, (K, H, W, 3)."""
+    parts = read_parts(path)
+    names = [part_name(k) for k in range(count)]
+    return np.stack([np.stack([channel_of(path, parts, name, c) for c in "RGB"], axis=-1) for name in names])

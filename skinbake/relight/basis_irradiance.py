@@ -1,0 +1,267 @@
+"""Irradiance of the lights of a basis, with shadows, at the texels of an atlas; theory.md 10.6."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster
+from skinbake.atlas.sample import texels_around
+from skinbake.irradiance.environment_share import NO_OIL
+from skinbake.irradiance.oil_albedo import OilLayer, albedo_at
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.irradiance.slant import Slant
+from skinbake.irradiance.surface import texel_surface
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float
+from skinbake.relight.open_sky import OpenSky
+from skinbake.scene.spec import SpecularSpec
+
+Image = NDArray[np.float32]
+NODES = 65  # of what a cosine lets in, even in its square root: the oil's albedo rises steeply towards grazing
+
+
+@dataclass(frozen=True)
+class Passage:
+    """What of light from a direction enters the skin.
+
+    Attributes
+    ----------
+    specular : SpecularSpec
+    oil_albedo : ndarray of shape (C, M, 2)
+        Of size 0 where the oil takes nothing off.
+    slant : Slant, optional
+        How much more of slanted light counts; None where the look leaves that out.
+    """
+
+    specular: SpecularSpec
+    oil_albedo: Float = field(default_factory=lambda: NO_OIL)
+    slant: Slant | None = None
+
+    @property
+    def factor_rgb(self) -> Float:
+        """The slant's factor at the nodes, (NODES, 3)."""
+        if self.slant is None:
+            return np.ones((NODES, 3))
+        cosine = np.linspace(0, 1, NODES) ** 2
+        nodes = np.linspace(0, 1, len(self.slant.factor_rgb))
+        return np.stack([np.interp(cosine, nodes, self.slant.factor_rgb[:, c]) for c in range(3)], axis=1)
+
+
+class _Sky(NamedTuple):
+    """What one tile needs of an `OpenSky`.
+
+    Attributes
+    ----------
+    row : ndarray of shape (h, w), int32
+    share : ndarray of shape (n, D), uint8
+    normal : ndarray of shape (n, 3), float32
+    columns : ndarray of shape (3, D), float32
+    """
+
+    row: NDArray[np.int32]
+    share: NDArray[np.uint8]
+    normal: Image
+    columns: Image
+
+
+class _Texels(NamedTuple):
+    """What the texels of a full tile are like.
+
+    Attributes
+    ----------
+    texels : ndarray of shape (n,), int64
+        row * W + col of each that is computed.
+    place : ndarray of shape (n,), int64
+        Where its result goes.
+    normal, smooth_normal : ndarrays of shape (H, W, 3)
+    """
+
+    texels: NDArray[np.int64]
+    place: NDArray[np.int64]
+    normal: Image
+    smooth_normal: Image
+
+
+class _Passage(NamedTuple):
+    """What enters the skin at a texel.
+
+    Attributes
+    ----------
+    oil : OilLayer
+    factor_rgb : ndarray of shape (NODES, 3)
+    """
+
+    oil: OilLayer
+    factor_rgb: Float
+
+
+def basis_irradiance(
+    raster: AtlasRaster,
+    scene: SceneData,
+    sky: OpenSky,
+    passage: Passage,
+    light: Image,
+    texels: NDArray[np.int64] | None = None,
+) -> Image:
+    """Irradiance of some lights that shine from the sky's directions.
+
+    What the small atlas sees is read bilinearly, from texels that are turned the same way; the cosine is that of the
+    texel's own, mapped normal.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+        Of any size.
+    scene : SceneData
+    sky : OpenSky
+    passage : Passage
+    light : ndarray of shape (D, K), float32
+        Radiance of each light from each direction times the part of the sphere, 4 pi / D.
+    texels : ndarray of shape (n,), optional
+        row * W + col of those that are wanted.
+
+    Returns
+    -------
+    ndarray of shape (K, H, W, 3), float32, or (K, n, 3)
+        Zero where the atlas is empty.
+    """
+    surface = texel_surface(raster, scene.mesh, scene.maps, passage.specular, scene.occluder)
+    height, width = raster.shape
+    chosen = np.flatnonzero(raster.addressed) if texels is None else texels
+    out = np.zeros((light.shape[1], height * width if texels is None else len(texels), 3), np.float32)
+    parallel_for(
+        _gather,
+        len(chosen),
+        _Texels(
+            chosen,
+            chosen if texels is None else np.arange(len(texels)),
+            surface.normal,
+            surface.smooth_normal,
+        ),
+        _Sky(
+            sky.row[raster.tile],
+            sky.share[raster.tile],
+            sky.normal[raster.tile],
+            np.ascontiguousarray(sky.towards.T),
+        ),
+        _Passage(
+            OilLayer(surface.roughness, surface.strength, passage.oil_albedo, passage.specular.f0), passage.factor_rgb
+        ),
+        np.ascontiguousarray(light, np.float32),
+        out,
+    )
+    return out.reshape(len(out), height, width, 3) if texels is None else out
+
+
+@kernel
+def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyped-def]
+    """Add up what the lights send to texels.
+
+    Parameters
+    ----------
+    first, stop : int
+        Of the texels.
+    at : _Texels
+    sky : _Sky
+    passage : _Passage
+    light : ndarray of shape (D, K)
+    out : ndarray of shape (K, places, 3)
+        Written.
+    """
+    count, lights = light.shape
+    height, width = at.normal.shape[:2]
+    h, w = sky.row.shape
+    seen = np.empty(count, np.float32)
+    sums = np.empty((3, lights), np.float32)
+    lets = np.empty((NODES, 3), np.float32)
+    for i in range(first, stop):
+        row, col = at.texels[i] // width, at.texels[i] % width
+        nx, ny, nz = at.normal[row, col, 0], at.normal[row, col, 1], at.normal[row, col, 2]
+        around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
+        _read_share(sky, at.smooth_normal[row, col], around, seen)
+        _let_in(passage, row, col, lets)
+        sums[:, :] = 0.0
+        for d in range(count):
+            cosine = nx * sky.columns[0, d] + ny * sky.columns[1, d] + nz * sky.columns[2, d]
+            if not (cosine > 0.0 and seen[d] > 0.0):
+                continue
+            x = min(np.sqrt(cosine), np.float32(1.0)) * np.float32(NODES - 1)
+            j = min(int(x), NODES - 2)
+            x -= j
+            weight = cosine * seen[d]
+            red = weight * (lets[j, 0] + x * (lets[j + 1, 0] - lets[j, 0]))
+            green = weight * (lets[j, 1] + x * (lets[j + 1, 1] - lets[j, 1]))
+            blue = weight * (lets[j, 2] + x * (lets[j + 1, 2] - lets[j, 2]))
+            for k in range(lights):
+                sums[0, k] += red * light[d, k]
+                sums[1, k] += green * light[d, k]
+                sums[2, k] += blue * light[d, k]
+        for k in range(lights):
+            for c in range(3):
+                out[k, at.place[i], c] = sums[c, k]
+
+
+@kernel(inner=True)
+def _read_share(sky, normal, around, seen):  # type: ignore[no-untyped-def]
+    """Shares of a texel of the full atlas, from up to four small ones that are turned the same way.
+
+    Parameters
+    ----------
+    sky : _Sky
+    normal : ndarray of shape (3,)
+    around : tuple
+        As `texels_around` gives it.
+    seen : ndarray of shape (D,)
+        Written.
+    """
+    i0, i1, fy, j0, j1, fx = around
+    seen[:] = 0.0
+    total = 0.0
+    for turn in range(2):  # where none is turned the same way, any will do
+        for corner in range(4):
+            r = sky.row[i1 if corner >= 2 else i0, j1 if corner % 2 else j0]
+            if r < 0:
+                continue
+            same = normal[0] * sky.normal[r, 0] + normal[1] * sky.normal[r, 1] + normal[2] * sky.normal[r, 2]
+            weight = (fy if corner >= 2 else 1.0 - fy) * (fx if corner % 2 else 1.0 - fx) + 1e-3
+            if turn == 0:
+                weight *= max(same, 0.0) ** 4
+            total += weight
+            part = np.float32(weight)
+            for d in range(len(seen)):
+                seen[d] += part * np.float32(sky.share[r, d])
+        if total > 0.0:
+            break
+    if total > 0.0:
+        scale = np.float32(1.0 / (255.0 * total))
+        for d in range(len(seen)):
+            seen[d] *= scale
+
+
+@kernel(inner=True)
+def _let_in(passage, row, col, lets):  # type: ignore[no-untyped-def]
+    """What enters of light at the nodes' cosines.
+
+    Parameters
+    ----------
+    passage : _Passage
+    row, col : int
+        Texel.
+    lets : ndarray of shape (NODES, 3)
+        Written.
+    """
+    oil = passage.oil
+    roughness = oil.roughness[row, col] if oil.roughness.size > 1 else oil.roughness[0, 0]
+    strength = oil.strength[row, col] if oil.strength.size > 1 else oil.strength[0, 0]
+    for j in range(NODES):
+        enters = 1.0
+        if oil.table.size > 0:
+            cosine = (j / (NODES - 1)) ** 2
+            enters = min(max(1.0 - strength * albedo_at(oil.table, cosine, np.float64(roughness), oil.f0), 0.0), 1.0)
+        for c in range(3):
+            lets[j, c] = enters * passage.factor_rgb[j, c]

@@ -1,0 +1,69 @@
+"""Which lights a transfer is made of: harmonics or fitted ones, and as few as the tolerance allows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from skinbake.numerics import Float
+from skinbake.relight.basis import LightBasis, harmonic_basis
+from skinbake.relight.fitted_basis import fitted_basis, gram
+from skinbake.scene.decision import Decision
+from skinbake.scene.spec import RelightSpec
+
+HIGHEST = 6  # order of harmonics
+
+
+def choose_basis(spec: RelightSpec, irradiance: Float, sky_harmonics: Float, seed: int) -> tuple[LightBasis, Decision]:
+    """The smaller of the two bases that keep skies within the tolerance; else what is nearest to it.
+
+    Parameters
+    ----------
+    spec : RelightSpec
+    irradiance : ndarray of shape (points, J)
+        At points of equal area, under each harmonic.
+    sky_harmonics : ndarray of shape (J, S)
+        Of some skies that will not judge the basis.
+    seed : int
+    """
+    products = gram(irradiance) / max(len(irradiance), 1)
+    options: list[tuple[float, int, LightBasis]] = []
+    told = []
+    sky_irradiance = irradiance @ sky_harmonics
+    whole = np.maximum((sky_irradiance**2).sum(axis=0), 1e-30)
+
+    def errors(basis: LightBasis) -> Float:
+        """With the first light alone, with two, ... all of them."""
+        size = basis.of_harmonics.shape[1]
+        lit, amount = irradiance[:, :size] @ basis.radiance, basis.of_harmonics @ sky_harmonics[:size]
+        wrong, found = sky_irradiance.copy(), []
+        for k in range(len(basis)):
+            wrong -= np.outer(lit[:, k], amount[k])
+            found.append(np.sqrt(((wrong**2).sum(axis=0) / whole).mean()))
+        return np.array(found)
+
+    if spec.basis != "fitted":
+        orders = range(1, min(HIGHEST, math.isqrt(spec.textures) - 1) + 1)
+        found = [(float(errors(basis)[-1]), basis) for basis in map(harmonic_basis, orders)]
+        rms, basis = next((each for each in found if each[0] <= spec.tolerance), found[-1])
+        options.append((rms, len(basis), basis))
+        told.append(f"{len(basis)} harmonics {rms:.2%}")
+    if spec.basis != "harmonics":
+        basis = fitted_basis(products, min(spec.textures, irradiance.shape[1]), seed)
+        of_count = errors(basis)
+        enough = np.flatnonzero(of_count <= spec.tolerance)
+        basis = first(basis, int(enough[0]) + 1 if len(enough) else len(basis))
+        rms = float(of_count[len(basis) - 1])
+        options.append((rms, len(basis), basis))
+        told.append(f"{len(basis)} fitted {rms:.2%}")
+    within = [each for each in options if each[0] <= spec.tolerance]
+    rms, _, basis = min(within, key=lambda each: each[1]) if within else min(options, key=lambda each: each[0])
+    verdict = "within" if within else "the most asked for, above"
+    why = f"{spec.basis}: of skies before scattering {' or '.join(told)} are off, {verdict} {spec.tolerance:.2%}"
+    return basis, Decision(f"relight.{basis.kind}", True, why)
+
+
+def first(basis: LightBasis, count: int) -> LightBasis:
+    """The first lights of a fitted basis, which are the best so many."""
+    return LightBasis(basis.kind, basis.of_harmonics[:count], basis.radiance[:, :count])

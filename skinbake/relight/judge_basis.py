@@ -1,0 +1,178 @@
+"""Error of light through a basis on lights that it was not made from: each is also baked, at a smaller size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, Tiles, interpolate
+from skinbake.diffuse.scatter import scatter
+from skinbake.irradiance.light_texels import light_texels
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.numerics import Float
+from skinbake.profile import GaussianSum
+from skinbake.profile.incidence import Incidence
+from skinbake.profile.skin_medium import SkinMedium
+from skinbake.relight.basis import LightBasis
+from skinbake.relight.light_error import KindError
+from skinbake.relight.scattering import summed_lobes
+from skinbake.relight.unseen_lights import UnseenLight
+from skinbake.scene.budget import budget_of
+from skinbake.scene.decision import Decisions
+from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import SceneSpec
+
+Image = NDArray[np.float32]
+AT_ONCE = 32  # lights in memory
+LIT_WITHIN = 0.01  # tolerance of their irradiance, between texels whose shadows are traced
+
+
+class DirectBake(NamedTuple):
+    """What a bake of a light needs.
+
+    Attributes
+    ----------
+    spec : SceneSpec
+        With the size of `atlas`, every term on or off, and no lights.
+    decisions : Decisions
+    scene : SceneData
+    atlas : Atlas
+    gaussians : GaussianSum
+    medium : SkinMedium
+    incidence : Incidence, optional
+    """
+
+    spec: SceneSpec
+    decisions: Decisions
+    scene: SceneData
+    atlas: Atlas
+    gaussians: GaussianSum
+    medium: SkinMedium
+    incidence: Incidence | None
+
+
+def baked_lights(bake: DirectBake, lights: Sequence[UnseenLight]) -> Tiles:
+    """M of lights by the pipeline of a bake, before what of the albedo comes after scattering, (L, H, W, 3) a tile.
+
+    Parameters
+    ----------
+    bake : DirectBake
+    lights : sequence of UnseenLight
+    """
+    spec = bake.spec.model_copy(update={"lights": tuple(each.light for each in lights)})
+    environments = {each.light.name: each.radiance for each in lights if each.radiance is not None}
+    scene = SceneData(bake.scene.mesh, bake.scene.maps, environments, notes=bake.scene.notes)
+    vars(scene)["occluder"] = bake.scene.occluder
+    names = tuple(each.light.name for each in lights)
+    decisions = Decisions(bake.decisions.energy_conservation, True, names, budget_of(spec))
+    irradiance = light_texels(
+        bake.atlas, scene.mesh, scene.maps, spec.lights, spec.shadows, spec.specular,
+        decisions.energy_conservation.enabled, environments, spec.output.seed, LIT_WITHIN, scene.occluder,
+    )  # fmt: skip
+    made = scatter(spec, decisions, scene, bake.atlas, irradiance, bake.gaussians, bake.medium, bake.incidence)
+    return {raster.tile: summed_lobes(made.lobes, raster.tile, raster.shape) for raster in bake.atlas}
+
+
+def judge_basis(
+    bake: DirectBake,
+    basis: LightBasis,
+    textures: Tiles,
+    lights: Sequence[UnseenLight],
+    say: Callable[[str], None] = lambda _: None,
+) -> dict[str, KindError]:
+    """Error by kind of light.
+
+    Parameters
+    ----------
+    bake : DirectBake
+    basis : LightBasis
+    textures : dict of int to ndarray of shape (K, H, W, 3)
+        Of the basis, of the size of the bake's atlas.
+    lights : sequence of UnseenLight
+    say : callable
+        Told what begins.
+    """
+    found: dict[str, list[_LightError]] = {}
+    for start in range(0, len(lights), AT_ONCE):
+        some = lights[start : start + AT_ONCE]
+        say(f"relighting: judging by {some[0].kind.replace('_', ' ')}, {start + len(some)} of {len(lights)}")
+        exact = baked_lights(bake, some)
+        for k, each in enumerate(some):
+            amount = (basis.of_harmonics @ each.harmonics(basis.order)).astype(np.float32)
+            pairs = {tile: (np.einsum("khwc,kc->hwc", textures[tile], amount), exact[tile][k]) for tile in exact}
+            found.setdefault(each.kind, []).append(_error(each, pairs, bake.atlas, bake.scene.mesh))
+    return {kind: _of_kind(errors) for kind, errors in found.items()}
+
+
+class _LightError(NamedTuple):
+    """Error of one light."""
+
+    light: UnseenLight
+    rms: float
+    texels: Float
+    area_mm2: Float
+    clamped: float
+    at: dict[str, object]
+
+
+def _error(light: UnseenLight, pairs: dict[int, tuple[Image, Image]], atlas: Atlas, mesh: SkinMesh) -> _LightError:
+    """Error of one light over the skin.
+
+    Parameters
+    ----------
+    light : UnseenLight
+    pairs : dict of int to (ndarray, ndarray)
+        By tile: M through the basis, not yet clamped, and as baked, (H, W, 3).
+    atlas : Atlas
+    mesh : SkinMesh
+    """
+    wrong, right, negative, area, where = [], [], [], [], []
+    for raster in atlas:
+        there = raster.area_mm2 > 0
+        through, baked = (image[there].astype(np.float64) for image in pairs[raster.tile])
+        wrong.append(np.maximum(through, 0) - baked)
+        right.append(baked)
+        negative.append(np.maximum(-through, 0))
+        area.append(raster.area_mm2[there].astype(np.float64))
+        rows, columns = np.nonzero(there)
+        where.append(np.stack([np.full(len(rows), raster.tile), rows, columns], axis=1))
+    off, exact, below, weight = (np.concatenate(each) for each in (wrong, right, negative, area))
+    square, whole = (weight[:, None] * off**2).sum(), (weight[:, None] * exact**2).sum()
+    mean = (weight[:, None] * exact).sum() / (3 * weight.sum())
+    texel = np.sqrt((off**2).mean(axis=1)) / max(mean, 1e-30)
+    tile, row, column = (int(value) for value in np.concatenate(where)[texel.argmax()])
+    raster = next(each for each in atlas if each.tile == tile)
+    place = interpolate(raster, mesh.corner_position_mm)[row, column]
+    height, width = raster.shape
+    at = {
+        "tile": tile,
+        "uv": [round((column + 0.5) / width, 5), round(1 - (row + 0.5) / height, 5)],
+        "position_mm": [round(float(value), 2) for value in place],
+        "of_mean": round(float(texel.max()), 4),
+    }
+    clamped = float((weight[:, None] * below).sum() / max((weight[:, None] * exact).sum(), 1e-30))
+    return _LightError(light, float(np.sqrt(square / max(whole, 1e-30))), texel, weight, clamped, at)
+
+
+def _of_kind(errors: list[_LightError]) -> KindError:
+    """Errors of lights of one kind as one."""
+    worst = max(errors, key=lambda each: each.rms)
+    texels = np.concatenate([each.texels for each in errors])
+    weight = np.concatenate([each.area_mm2 for each in errors])
+    order = np.argsort(texels, kind="stable")
+    reached = np.searchsorted(np.cumsum(weight[order]), 0.95 * weight.sum())
+    told: dict[str, object] = {"name": worst.light.light.name}
+    if worst.light.radiance is None:
+        told["direction"] = [round(float(v), 5) for v in worst.light.light.direction]  # type: ignore[union-attr]
+    return KindError(
+        len(errors),
+        float(np.sqrt(np.mean([each.rms**2 for each in errors]))),
+        float(texels[order[min(reached, len(order) - 1)]]),
+        worst.rms,
+        told,
+        worst.at,
+        float(np.mean([each.clamped for each in errors])),
+    )

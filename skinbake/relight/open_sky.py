@@ -1,0 +1,149 @@
+"""Which directions each texel of a small atlas sees: rays that are traced once and serve every light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, face_mm_per_texel, rasterize
+from skinbake.irradiance.environment_plan import all_around
+from skinbake.irradiance.environment_share import aim
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.irradiance.surface import texel_surface
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import for_slices
+from skinbake.scene.spec import SceneSpec
+
+Image = NDArray[np.float32]
+DIRECTIONS = 1024  # all around, half of them above a texel's horizon
+TEXEL_MM = 2.0  # of the small atlas; penumbras of what 25 textures can hold are a centimetre and more wide
+SMALLEST = 64  # texels of its shorter side
+WHOLE = 255  # a share of 1
+RAYS = 1 << 16  # that a thread has in memory at a time
+
+
+@dataclass(frozen=True)
+class OpenSky:
+    """What the texels of a small atlas see of the sky.
+
+    Attributes
+    ----------
+    atlas : Atlas
+        The small one.
+    towards : ndarray of shape (D, 3), float32
+        Unit directions, each for an equal part of the sphere.
+    normal : dict of int to ndarray of shape (n, 3), float32
+        By tile: the smooth normals of the rows of `share`.
+    row : dict of int to ndarray of shape (h, w), int32
+        By tile: the row of `share` that a texel has; -1 where the atlas is empty.
+    share : dict of int to ndarray of shape (n, D), uint8
+        By tile: what arrives of light from a direction, in parts of `WHOLE`. Below the horizon of the smooth surface,
+        where a mapped normal may still face, it is the texel's mean.
+    """
+
+    atlas: Atlas
+    towards: Image
+    normal: dict[int, Image]
+    row: dict[int, NDArray[np.int32]]
+    share: dict[int, NDArray[np.uint8]]
+
+
+def small_size(spec: SceneSpec, scene: SceneData, size: tuple[int, int]) -> tuple[int, int]:
+    """Width and height of an atlas whose texels are about `TEXEL_MM` wide, no larger than `size`.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    scene : SceneData
+    size : (width, height)
+    """
+    texel_mm = float(np.median(face_mm_per_texel(scene.mesh, size).max(axis=1)))
+    coarse = max(1, min(round(TEXEL_MM / max(texel_mm, 1e-6)), min(size) // SMALLEST))
+    return max(1, -(-size[0] // coarse)), max(1, -(-size[1] // coarse))
+
+
+def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], directions: int = DIRECTIONS) -> OpenSky:
+    """Trace a ray from every texel to every direction above its horizon.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+        `shadows: false` leaves everything open.
+    scene : SceneData
+    size : (width, height)
+        Of the small atlas.
+    directions : int
+    """
+    atlas = rasterize(
+        scene.mesh, size, max(2, spec.texture.gutter * size[0] // spec.texture.size[0]), spec.texture.udim
+    )
+    towards = all_around(directions).astype(np.float32)
+    rows, normals, shares = {}, {}, {}
+    for raster in atlas:
+        surface = texel_surface(raster, scene.mesh, scene.maps, spec.specular, scene.occluder)
+        texels = np.flatnonzero(raster.addressed)
+        row = np.full(raster.shape, -1, np.int32)
+        row.reshape(-1)[texels] = np.arange(len(texels), dtype=np.int32)
+        normal = surface.smooth_normal.reshape(-1, 3)[texels]
+        occluder = scene.occluder if spec.shadows else None
+        rows[raster.tile], normals[raster.tile] = row, normal
+        shares[raster.tile] = _traced(surface.origins(texels), normal, towards, occluder)
+    return OpenSky(atlas, towards, normals, rows, shares)
+
+
+def _traced(origin: Image, normal: Image, towards: Image, occluder: Occluder | None) -> NDArray[np.uint8]:
+    """Shares of points (n, 3) by direction, (n, D).
+
+    Parameters
+    ----------
+    origin, normal : ndarrays of shape (n, 3)
+    towards : ndarray of shape (D, 3)
+    occluder : Occluder, optional
+        None: nothing is in the way.
+    """
+    columns = np.ascontiguousarray(towards.T)
+    share = np.empty((len(origin), len(towards)), np.uint8)
+
+    def trace(part: slice) -> None:
+        starts, rays = (np.empty((len(share[part]) * len(towards), 3), np.float32) for _ in range(2))
+        count = aim(origin[part], normal[part], columns, starts, rays)
+        clear = np.ones(count, np.float32)
+        if occluder is not None:
+            reach = np.full(count, np.inf, np.float32)
+            clear = occluder.unhindered(starts[:count], rays[:count], reach).astype(np.float32)
+        _keep(clear, normal[part], columns, share[part])
+
+    for_slices(trace, len(origin), max(1, RAYS // len(towards)))
+    return share
+
+
+@kernel
+def _keep(clear: Image, normal: Image, columns: Image, share: NDArray[np.uint8]) -> None:
+    """Write the shares of `aim`'s rays, and each texel's cosine-weighted mean below its horizon.
+
+    Parameters
+    ----------
+    clear : ndarray of shape (rays,)
+    normal : ndarray of shape (n, 3)
+    columns : ndarray of shape (3, D)
+    share : ndarray of shape (n, D)
+        Written.
+    """
+    ray = 0
+    for i in range(len(normal)):
+        seen, whole = 0.0, 0.0
+        for d in range(columns.shape[1]):
+            cosine = normal[i, 0] * columns[0, d] + normal[i, 1] * columns[1, d] + normal[i, 2] * columns[2, d]
+            if cosine > 0.0:
+                share[i, d] = np.uint8(255.0 * clear[ray] + 0.5)
+                seen += cosine * clear[ray]
+                whole += cosine
+                ray += 1
+        mean = np.uint8(255.0 * seen / whole + 0.5) if whole > 0.0 else np.uint8(0)
+        for d in range(columns.shape[1]):
+            cosine = normal[i, 0] * columns[0, d] + normal[i, 1] * columns[1, d] + normal[i, 2] * columns[2, d]
+            if not cosine > 0.0:
+                share[i, d] = mean

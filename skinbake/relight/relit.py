@@ -1,0 +1,85 @@
+"""Light that comes later: a sky and suns as coefficients of a basis, and M under them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float, normalized
+from skinbake.relight.basis import LightBasis
+from skinbake.relight.harmonics import harmonics, harmonics_of_sky, turned
+
+Image = NDArray[np.float32]
+Sun = tuple[Sequence[float], Sequence[float]]  # where its light travels, as in a look, and its irradiance R, G, B
+
+
+def harmonics_of_suns(suns: Sequence[Sun], order: int) -> Float:
+    """Products of suns with the harmonics, ((order + 1)^2, 3).
+
+    Parameters
+    ----------
+    suns : sequence of (direction, irradiance_rgb)
+        Directions need not be unit.
+    order : int
+    """
+    out = np.zeros(((order + 1) ** 2, 3))
+    for direction, irradiance in suns:
+        out += harmonics(-normalized(direction)[None], order).T * np.asarray(irradiance, np.float64)
+    return out
+
+
+def light_coefficients(
+    basis: LightBasis, sky: Image | None = None, rotate_deg: float = 0.0, suns: Sequence[Sun] = ()
+) -> Float:
+    """How much of each light of a basis there is, by channel, (K, 3).
+
+    Parameters
+    ----------
+    basis : LightBasis
+    sky : ndarray of shape (h, w, 3), optional
+        Equirectangular radiance.
+    rotate_deg : float
+        Turns the sky about +y, +z towards +x.
+    suns : sequence of (direction, irradiance_rgb)
+    """
+    light = harmonics_of_suns(suns, basis.order)
+    if sky is not None:
+        light += turned(harmonics_of_sky(sky, basis.order), rotate_deg)
+    return np.einsum("kj,jc->kc", basis.of_harmonics, light)
+
+
+def relit(textures: NDArray[np.floating], coefficients: Float) -> Image:
+    """Sum of textures times coefficients, at least 0, (H, W, 3).
+
+    Parameters
+    ----------
+    textures : ndarray of shape (K, H, W, 3), float16 or float32
+    coefficients : ndarray of shape (K, 3)
+    """
+    out = np.zeros(textures.shape[1:], np.float32)
+    for texture, amount in zip(textures, coefficients.astype(np.float32), strict=True):
+        parallel_for(_add, len(out), np.asarray(texture, np.float32), amount, out)
+    return np.maximum(out, 0, out=out)
+
+
+@kernel
+def _add(first: int, stop: int, texture: Image, amount: Image, out: Image) -> None:
+    """Add a texture times a colour.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    texture : ndarray of shape (H, W, 3)
+    amount : ndarray of shape (3,)
+    out : ndarray of shape (H, W, 3)
+        Added to.
+    """
+    for row in range(first, stop):
+        for col in range(out.shape[1]):
+            for c in range(3):
+                out[row, col, c] += amount[c] * texture[row, col, c]

@@ -1,0 +1,203 @@
+"""What skin makes of the lights of a basis: bounces, albedo, every lobe, light through thin parts; summed to M."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, Tiles
+from skinbake.bilinear import magnify_bilinear
+from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
+from skinbake.diffuse.draw_probes import draw_probes
+from skinbake.diffuse.light_entering import albedo_of, entering_again
+from skinbake.diffuse.make_lobes import make_lobes
+from skinbake.diffuse.memoize import Memoizer
+from skinbake.diffuse.methods import LobePlan, method_asked_for
+from skinbake.diffuse.planning.auto import plan_auto
+from skinbake.diffuse.planning.fixed import plan_fixed
+from skinbake.diffuse.resources import LobeResources
+from skinbake.diffuse.skin_geometry import SkinGeometry
+from skinbake.diffuse.terms.interreflection import (
+    SkinView,
+    add_at_full_size,
+    bounced_light,
+    decide_interreflection,
+    look_around,
+    receivers,
+)
+from skinbake.diffuse.terms.transmission import transmit
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.irradiance.slant import Slant
+from skinbake.kernels.threads import on_threads
+from skinbake.profile import GaussianSum
+from skinbake.profile.skin_medium import SkinMedium
+from skinbake.scene.decision import Decision, Decisions
+from skinbake.scene.spec import SceneSpec
+
+Image = NDArray[np.float32]
+Say = Callable[[str], None]
+
+
+class Scattering:
+    """From irradiance to M on one atlas, some lights at a time: what the first ones decide holds for all.
+
+    Lights are physical, nowhere negative. The first one of the first call comes from everywhere and decides, where the
+    look says `auto`, whether skin lights skin and whether light comes through.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+        With the texture's size of `atlas`.
+    decisions : Decisions
+    scene : SceneData
+    atlas : Atlas
+    gaussians : GaussianSum
+    medium : SkinMedium
+    slant : Slant, optional
+        Where incidence is counted.
+    say : callable
+        Told in words what begins.
+
+    Attributes
+    ----------
+    lines : list of Decision
+        What was decided.
+    """
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        decisions: Decisions,
+        scene: SceneData,
+        atlas: Atlas,
+        gaussians: GaussianSum,
+        medium: SkinMedium,
+        slant: Slant | None,
+        say: Say = lambda _: None,
+    ) -> None:
+        self._spec, self._scene, self._atlas, self._gaussians, self._medium = spec, scene, atlas, gaussians, medium
+        self._budget, self._say = decisions.budget, say
+        self._again = entering_again(spec, decisions, slant)
+        self._albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
+        self._geometry = SkinGeometry(atlas, scene.mesh)
+        self._no_probes = draw_probes(self._geometry, 0, 0)
+        self._plans: tuple[LobePlan, ...] | None = None
+        self._view: SkinView | None = None
+        self._through = spec.terms.transmission
+        self.lines: list[Decision] = []
+
+    def exitance(self, light: Tiles) -> Tiles:
+        """M of each light before what of the albedo comes after scattering, (L, H, W, 3) a tile.
+
+        Parameters
+        ----------
+        light : dict of int to ndarray of shape (L, H, W, 3), float32, changed in place
+            Irradiance with shadows, incidence and what the oil takes off.
+        """
+        first = self._plans is None
+        if first:
+            self._decide_bounces(light)
+        self._bounce(light)
+        exponent = np.float32(self._spec.texturing.exponent_before)
+        for raster, albedo in zip(self._atlas, self._albedo, strict=True):
+            light[raster.tile] *= albedo**exponent
+        diffused = self._diffused(light)
+        through = self._transmitted(diffused, first)
+        lobes = (*diffused.lobes, through) if through else diffused.lobes
+        return {raster.tile: summed_lobes(lobes, raster.tile, raster.shape) for raster in self._atlas}
+
+    def _decide_bounces(self, light: Tiles) -> None:
+        """Look around where skin lights skin by more than the tolerance."""
+        spec, scene, terms = self._spec, self._scene, self._spec.terms
+        even = [light[raster.tile][:1] for raster in self._atlas]
+        limits = [self._budget.terms_left("relight")]
+        lines, bounced = decide_interreflection(
+            scene.mesh, scene.occluder, ("relight",), even, [self._again * colour for colour in self._reflected()],
+            self._atlas, spec.texture.udim, terms.interreflection, limits,
+        )  # fmt: skip
+        self.lines += lines
+        if any(line.enabled for line in lines):
+            self._say("relighting: skin that lights skin")
+            receiving, texture = receivers(bounced, limits), spec.texture
+            self._view = look_around(
+                scene.mesh,
+                scene.occluder,
+                texture.size,
+                texture.gutter,
+                texture.udim,
+                receiving.width_mm,
+                receiving.rays,
+            )
+
+    def _reflected(self) -> list[Image]:
+        """What of irradiance leaves as M, by tile."""
+        total = self._gaussians.weight_rgb.sum(axis=0).astype(np.float32)
+        return [albedo * total for albedo in self._albedo]
+
+    def _bounce(self, light: Tiles) -> None:
+        """Add what skin sends on to skin."""
+        if self._view is None:
+            return
+        reflected = self._reflected()
+        sent = [light[raster.tile] * colour for raster, colour in zip(self._atlas, reflected, strict=True)]
+        again = [self._again * colour for colour in reflected]
+        found = bounced_light(self._view, sent, again, self._spec.terms.bounces)
+        for raster, small in zip(self._atlas, found, strict=True):
+            for k, image in enumerate(light[raster.tile]):
+                add_at_full_size(self._again * small[k], raster, image)
+
+    def _diffused(self, light: Tiles) -> DiffuseMap:
+        """Every lobe by the plan, which is made where there is none."""
+        spec, gaussians = self._budget.of_blur(self._spec.diffusion), self._gaussians
+        names = tuple(f"basis.{k}" for k in range(len(next(iter(light.values())))))
+        memoizer = Memoizer(LobeResources(light, self._geometry, spec), names)
+        seed, precision = self._spec.output.seed, self._spec.output.precision
+        if self._plans is None:
+            fixed = method_asked_for(spec.method, spec.normalise)
+            if fixed is None:
+                self._plans = plan_auto(memoizer, gaussians, seed, precision)[0]
+            else:
+                self._plans = plan_fixed(memoizer.resources, fixed, gaussians)[0]
+        made = make_lobes(memoizer, self._plans, gaussians.weight_rgb, self._no_probes, precision, self._say)
+        lobes = [
+            Lobe(plan.parameters.variance_mm2, (float(w[0]), float(w[1]), float(w[2])), plan.method.name, tiles)
+            for plan, w, tiles in zip(self._plans, gaussians.weight_rgb, made.tiles, strict=True)
+        ]
+        return DiffuseMap(names, tuple(lobes), None)
+
+    def _transmitted(self, diffused: DiffuseMap, first: bool) -> Lobe | None:
+        """Light through thin parts, where that is worth it."""
+        spec, texture = self._spec, self._spec.texture
+        if self._through == "off":
+            return None
+        area = [raster.area_mm2[..., None] for raster in self._atlas]
+        total = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, self._albedo, strict=True))
+        lobe, line = transmit(
+            diffused, self._scene.mesh, self._gaussians, texture.size, texture.gutter, texture.udim,
+            total / sum(map(np.sum, area)), self._through, spec.diffusion.tolerance, self._scene.occluder, self._medium,
+        )  # fmt: skip
+        if first:
+            self.lines.append(Decision("relight.transmission", line.enabled, line.why))
+            self._through = "on" if line.enabled else "off"
+        return lobe
+
+
+def summed_lobes(lobes: tuple[Lobe, ...], tile: int, shape: tuple[int, int]) -> Image:
+    """Weighted sum of lobes, each read bilinearly at the full size, (L, H, W, 3).
+
+    Parameters
+    ----------
+    lobes : tuple of Lobe
+    tile : int
+    shape : (H, W)
+    """
+    out = np.zeros((len(lobes[0].rgb[tile]), *shape, 3), np.float32)
+
+    def add(k: int) -> None:
+        for lobe in lobes:
+            out[k] += np.asarray(lobe.weight_rgb, np.float32) * magnify_bilinear(lobe.rgb[tile][k], shape)
+
+    on_threads(add, len(out))
+    return out

@@ -1,0 +1,238 @@
+"""Transfer: textures of light from everywhere, scattering included, and how any light is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, Tiles, rasterize
+from skinbake.diffuse.light_entering import reference_reflectance
+from skinbake.irradiance.environment_share import NO_OIL
+from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.irradiance.slant import Slant, decide_incidence, slant_of
+from skinbake.profile import GaussianSum
+from skinbake.profile.incidence import Incidence
+from skinbake.profile.skin_medium import SkinMedium
+from skinbake.relight.basis import LightBasis
+from skinbake.relight.basis_irradiance import Passage, basis_irradiance
+from skinbake.relight.choose_basis import choose_basis
+from skinbake.relight.harmonics import harmonics, harmonics_of_sky
+from skinbake.relight.judge_basis import DirectBake, judge_basis
+from skinbake.relight.light_error import KindError
+from skinbake.relight.open_sky import OpenSky, open_sky, small_size
+from skinbake.relight.scattering import Scattering
+from skinbake.relight.unseen_lights import choosing_skies, unseen_lights
+from skinbake.scene.budget import budget_of
+from skinbake.scene.decision import Decision, Decisions
+from skinbake.scene.lights import DirectionalLight
+from skinbake.scene.spec import RelightSpec, SceneSpec
+
+Image = NDArray[np.float32]
+Say = Callable[[str], None]
+DEFAULT_SIZE = 1024
+ORDER = 14  # of the harmonics in which lights are described to a fitted basis
+CHOOSING, POINTS = 8, 8192  # skies and points of the skin by which a basis is chosen
+AT_ONCE = 8  # lights that are blurred together
+JUDGED_WITHIN = 0.003  # tolerance of the blurs that are compared
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """What is left of a skin for lights that come later.
+
+    Attributes
+    ----------
+    basis : LightBasis
+    textures : dict of int to ndarray of shape (K, H, W, 3), float32
+        By tile: M under each light of the basis, before what of the albedo comes after scattering.
+    error : mapping of str to KindError
+        On lights that the basis was not made from.
+    judged_at : (width, height)
+        Size at which that was measured.
+    plan : tuple of Decision
+    """
+
+    basis: LightBasis
+    textures: Tiles
+    error: Mapping[str, KindError]
+    judged_at: tuple[int, int]
+    plan: tuple[Decision, ...]
+
+
+def transfer_size(spec: SceneSpec) -> tuple[int, int]:
+    """Width and height of the textures of `relight`, in the proportion of the look's."""
+    assert spec.relight is not None
+    width, height = spec.texture.size
+    longer = min(spec.relight.size or DEFAULT_SIZE, max(width, height))
+    return max(1, round(width * longer / max(width, height))), max(1, round(height * longer / max(width, height)))
+
+
+def at_texture_size(spec: SceneSpec, size: tuple[int, int]) -> SceneSpec:
+    """The look with a texture of another size, and a gutter as wide on the skin."""
+    gutter = max(2, -(-spec.texture.gutter * size[0] // spec.texture.size[0]))
+    texture = spec.texture.model_copy(update={"size": size, "gutter": gutter, "reduce": "off"})
+    return spec.model_copy(update={"texture": texture})
+
+
+def make_transfer(
+    spec: SceneSpec,
+    decisions: Decisions,
+    scene: SceneData,
+    gaussians: GaussianSum,
+    medium: SkinMedium,
+    incidence: Incidence | None,
+    say: Say = lambda _: None,
+) -> Transfer:
+    """Textures of a look's `relight`, and their error; theory.md 10.6.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+        With `relight`. Its lights are not used.
+    decisions : Decisions
+    scene : SceneData
+    gaussians : GaussianSum
+    medium, incidence
+        As in `light_entering`.
+    say : callable
+        Told in words what begins.
+    """
+    relight = spec.relight
+    assert relight is not None
+    spec = spec.model_copy(update={"lights": ()})  # whatever they are, the textures are the same
+    decisions = Decisions(decisions.energy_conservation, True, (), budget_of(spec))
+    full = at_texture_size(spec, transfer_size(spec))
+    slant, lines = _slant(spec, gaussians, medium, incidence, decisions.budget.negligible)
+    passage = Passage(
+        spec.specular, np.array(specular_albedo_table()) if decisions.energy_conservation.enabled else NO_OIL, slant
+    )
+    say("relighting: tracing what is open to the sky")
+    small = at_texture_size(spec, small_size(spec, scene, full.texture.size))
+    sky = open_sky(full, scene, small.texture.size)
+    say("relighting: choosing lights")
+    basis, line = _choose(relight, scene, sky, passage, spec.output.seed)
+    lines += [line, *_left_out(spec)]
+
+    say(f"relighting: {len(basis)} textures")
+    udim, texture = spec.texture.udim, full.texture
+    atlas = rasterize(scene.mesh, texture.size, texture.gutter, udim)
+    scattering = Scattering(full, decisions, scene, atlas, gaussians, medium, slant, say)
+    textures = _scattered(scattering, atlas, scene, sky, passage, basis, say)
+    lines += scattering.lines
+
+    # The same at the size at which lights are also baked
+    judged = _judged(small, slant is not None, lines)
+    close = Decisions(decisions.energy_conservation, True, (), budget_of(judged))
+    again = Scattering(judged, close, scene, sky.atlas, gaussians, medium, slant)
+    compared = _scattered(again, sky.atlas, scene, sky, passage, basis, lambda _: None)
+    bake = DirectBake(judged, close, scene, sky.atlas, gaussians, medium, incidence if slant else None)
+    error = judge_basis(bake, basis, compared, unseen_lights(spec.output.seed), say)
+    # What they leave wrong is in the measured error, and no part of what lights of the look may be wrong by
+    plan = tuple(replace(line, error=0.0) for line in lines)
+    return Transfer(basis, textures, error, small.texture.size, plan)
+
+
+def _slant(
+    spec: SceneSpec, gaussians: GaussianSum, medium: SkinMedium, incidence: Incidence | None, negligible: float
+) -> tuple[Slant | None, list[Decision]]:
+    """Factors of slanted light, where they are worth it for suns, and the plan's line.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    gaussians : GaussianSum
+    medium : SkinMedium
+    incidence : Incidence, optional
+    negligible : float
+        Error below which they are left out.
+    """
+    switch = spec.terms.incidence
+    if incidence is None or switch == "off":
+        return None, [Decision("relight.incidence", False, "off" if switch == "off" else f"{switch}: {medium.why}")]
+    slant = slant_of(incidence, reference_reflectance(spec, gaussians, medium, incidence))
+    sun = DirectionalLight(name="relight", type="directional", direction=(0, -1, 0), irradiance=(1, 1, 1))
+    line = decide_incidence(sun, slant, None, switch, negligible)
+    return slant if line.enabled else None, [line]
+
+
+def _left_out(spec: SceneSpec) -> list[Decision]:
+    """What a bake of the same lights might have and these textures have not."""
+    if spec.terms.beam == "off":
+        return []
+    why = "auto: light that enters at a slant is not shifted, for it comes from everywhere at once"
+    return [Decision("relight.beam", False, why)]
+
+
+def _choose(
+    spec: RelightSpec, scene: SceneData, sky: OpenSky, passage: Passage, seed: int
+) -> tuple[LightBasis, Decision]:
+    """The basis, by the irradiance of points of equal area under harmonics and under some skies."""
+    of_skies = np.stack([harmonics_of_sky(each, ORDER)[:, 1] for each in choosing_skies(seed, CHOOSING)], axis=1)
+    light = (harmonics(sky.towards, ORDER) * (4 * np.pi / len(sky.towards))).astype(np.float32)
+    lit = [
+        basis_irradiance(raster, scene, sky, passage, light, texels)[..., 1].T
+        for raster, texels in zip(sky.atlas, _points(sky.atlas), strict=True)
+    ]
+    return choose_basis(spec, np.concatenate(lit).astype(np.float64), of_skies, seed)
+
+
+def _points(atlas: Atlas) -> list[NDArray[np.int64]]:
+    """Texels of each tile, some twice, that stand for equal areas."""
+    area = [np.cumsum(raster.area_mm2.ravel(), dtype=np.float64) for raster in atlas]
+    whole = max(sum(float(each[-1]) for each in area), 1e-30)
+    places = [(np.arange(round(POINTS * each[-1] / whole)) + 0.5) / POINTS * whole for each in area]
+    return [np.minimum(np.searchsorted(a, p), len(a) - 1) for a, p in zip(area, places, strict=True)]
+
+
+def _scattered(
+    scattering: Scattering, atlas: Atlas, scene: SceneData, sky: OpenSky, passage: Passage, basis: LightBasis, say: Say
+) -> Tiles:
+    """M under each light of a basis, (K, H, W, 3) a tile.
+
+    A light that is negative in places goes with so much even light that it is not, which is taken off again.
+
+    Parameters
+    ----------
+    scattering : Scattering
+    atlas : Atlas
+    scene : SceneData
+    sky : OpenSky
+    passage : Passage
+    basis : LightBasis
+    say : callable
+    """
+    part = 4 * np.pi / len(sky.towards)
+    light = basis.from_directions(sky.towards)
+    lifted = np.maximum(-light.min(axis=0), 0) / part
+    columns = np.concatenate([np.full((len(light), 1), part), light + lifted * part], axis=1).astype(np.float32)
+    out = {raster.tile: basis_irradiance(raster, scene, sky, passage, np.maximum(columns, 0)) for raster in atlas}
+    for start in range(0, columns.shape[1], AT_ONCE):
+        some = slice(start, start + AT_ONCE)
+        say(f"relighting: scattering {min(some.stop, columns.shape[1]) - 1} of {len(basis)}")
+        for tile, image in scattering.exitance({tile: image[some] for tile, image in out.items()}).items():
+            out[tile][some] = image
+    for image in out.values():
+        for k, lift in enumerate(lifted):
+            image[k + 1] -= np.float32(lift) * image[0]
+    return {tile: image[1:] for tile, image in out.items()}
+
+
+def _judged(small: SceneSpec, slanted: bool, lines: list[Decision]) -> SceneSpec:
+    """The look in which lights are baked to be compared: small, blurred closely, with the same terms."""
+    of_term = {line.term.removeprefix("relight."): line.enabled for line in lines}
+    switches = {
+        "incidence": "on" if slanted else "off",
+        "beam": "off",
+        "interreflection": "on" if of_term.get("interreflection") else "off",
+        "transmission": "on" if of_term.get("transmission") else "off",
+    }
+    diffusion = small.diffusion.model_copy(
+        update={"probes": 0, "tolerance": min(JUDGED_WITHIN, small.diffusion.tolerance)}
+    )
+    output = small.output.model_copy(update={"lights": "separate", "precision": "float"})
+    terms = small.terms.model_copy(update=switches)
+    return small.model_copy(update={"diffusion": diffusion, "terms": terms, "output": output, "lights": ()})
