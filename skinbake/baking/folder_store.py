@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from skinbake.io.atomic import write_text
 from skinbake.io.background import Background
 from skinbake.io.cache import Cache
 from skinbake.io.digests import sha256_of
+from skinbake.io.exr import files_of, part_file
 from skinbake.io.fingerprint import every_input
 from skinbake.io.irradiance import LIGHT, TOTAL, part_keys, read_irradiance, tile_path, write_irradiance
 from skinbake.io.lobes import lobe_name, read_summary, read_totals, write_lobes
@@ -146,7 +147,21 @@ class FolderStore:
         """Key of each part of each tile's file; nothing for a file that is missing or was cut short."""
         found = [{} if self.force else part_keys(path) for path in self.irradiance_paths().values()]
         paths = self.irradiance_paths().values()
-        return [keys if keys and self._files.as_left(path) else {} for keys, path in zip(found, paths, strict=True)]
+        return [keys if keys and self._as_left(path) else {} for keys, path in zip(found, paths, strict=True)]
+
+    def _as_left(self, path: Path) -> bool:
+        """Whether a texture's files are there with the sizes that they were left with."""
+        return all(file.exists() and self._files.as_left(file) for file in files_of(path))
+
+    def _found(self, paths: Iterable[Path]) -> None:
+        """Note that textures are this bake's, with the files of their lights."""
+        self.written |= {file.name for path in paths for file in files_of(path)}
+
+    def _written(self, paths: Iterable[Path], lights: Iterable[str]) -> set[str]:
+        """Names of the files that these textures will have, with a file a light where `output.layout` says so."""
+        names, paths = [LIGHT + light for light in lights], list(paths)
+        apart = names if self._output.layout == "single" else []
+        return {path.name for path in paths} | {part_file(path, part).name for path in paths for part in apart}
 
     def light_keys(self) -> dict[str, str]:
         """Key of each light that is in every tile's file."""
@@ -169,16 +184,17 @@ class FolderStore:
             found = tuple(read_irradiance(path, tile, size) for tile, path in paths.items())
         except InputError:
             return None
-        self.written |= self._irradiance_names()
+        self.written |= self._mesh_names()
+        self._found(paths.values())
         return found
 
-    def _irradiance_names(self) -> set[str]:
-        own = {MESH} if self._inputs.spec.texture.unwrap == "xatlas" else set()
-        return own | {path.name for path in self.irradiance_paths().values()}
+    def _mesh_names(self) -> set[str]:
+        return {MESH} if self._inputs.spec.texture.unwrap == "xatlas" else set()
 
     def keep_irradiance(self, maps: tuple[IrradianceMap, ...], provenance: Provenance) -> None:
         """Write irradiance.exr, and mesh.obj where the UVs are our own: whoever shades with the textures needs them."""
-        self._begin(self._irradiance_names())
+        lights = maps[0].lights
+        self._begin(self._mesh_names() | self._written(self.irradiance_paths().values(), lights))
         paths, unit = self.irradiance_paths(), self._inputs.spec.mesh.millimetres_per_unit or 1.0
         header = self._header(provenance) | {"skinbake:key": provenance.key}
         mesh = self._inputs.scene().mesh if self._inputs.spec.texture.unwrap == "xatlas" else None
@@ -188,7 +204,9 @@ class FolderStore:
                 write_obj(self.folder / MESH, mesh, unit)
             for tile in maps:
                 precision, compression = self._output.precision, self._output.compression
-                write_irradiance(paths[tile.tile], tile, provenance.light_keys, header, precision, compression)
+                write_irradiance(
+                    paths[tile.tile], tile, provenance.light_keys, header, precision, compression, self._output.layout
+                )
 
         self._background.do(write)
 
@@ -207,9 +225,9 @@ class FolderStore:
         if self.force:
             return None
         found = read_summary(self.folder, key, self._inputs.tiles, self._udim)
-        if found is None or not all(self._files.as_left(path) for path in self.lobe_paths(found)):
+        if found is None or not all(self._as_left(path) for path in self.lobe_paths(found)):
             return None
-        self.written |= {path.name for path in self.lobe_paths(found)}
+        self._found(self.lobe_paths(found))
         return found
 
     def lobe_totals(self, result: DiffuseMap) -> DiffuseMap:
@@ -220,16 +238,14 @@ class FolderStore:
 
     def keep_lobes(self, result: DiffuseMap, provenance: Provenance) -> None:
         """Write lobe_*.exr and transmission.exr, and remove those of a look with more lobes."""
-        names = {path.name for path in self.lobe_paths(result)}
+        separate = self._inputs.decisions.separate_lights
+        names = self._written(self.lobe_paths(result), result.lights if separate else ())
         left = {name for name in self._files.names if name.startswith(("lobe_", "transmission"))}
         self._begin(names)
         self._files.remove(left - names)
-        header, output, separate = self._header(provenance), self._output, self._inputs.decisions.separate_lights
-        self._background.do(
-            lambda: write_lobes(
-                self.folder, result, provenance.key, header, output.precision, output.compression, separate, self._udim
-            )
-        )
+        header, output, udim = self._header(provenance), self._output, self._udim
+        how = output.precision, output.compression, separate, udim, output.layout
+        self._background.do(lambda: write_lobes(self.folder, result, provenance.key, header, *how))
 
     # Light that comes later
 

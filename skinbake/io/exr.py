@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -123,16 +124,97 @@ def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], preci
     return {names: np.ascontiguousarray(values, dtype=np.float32)}
 
 
+def write_part_files(
+    path: Path,
+    parts: Sequence[Part],
+    attributes: Mapping[str, Any] | None = None,
+    precision: str = "half",
+    compression: str = "zip",
+) -> None:
+    """Write each of `parts` as a file of one part, which every program shows.
+
+    The first one, at `path`, names the others and is written last: where it is, all are. `read_parts` and
+    `read_attributes` of `path` give what one file of these parts would.
+
+    Parameters
+    ----------
+    path, parts, attributes, precision, compression
+        As `write_parts`.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `write_parts`.
+    """
+    others = {part.name: part_file(path, part.name).name for part in parts[1:]}
+    for part in reversed(parts):
+        first = part is parts[0]
+        told = {_PART: part.name} | ({_PARTS: json.dumps(others)} if first else {})
+        file = path if first else part_file(path, part.name)
+        write_parts(file, [Part("", part.channels, {**part.attributes, **told})], attributes, precision, compression)
+
+
+def part_file(path: Path, part: str) -> Path:
+    """Where `write_part_files` puts a part: `lobe_0.key.exr` for part `light.key` of lobe_0.exr; a tile stays last."""
+    stem, dot, tile = path.stem.partition(".")
+    return path.with_name(f"{stem}.{part.rpartition('.')[2]}{dot}{tile}{path.suffix}")
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files that hold the parts of `path`: itself, and those that it names."""
+    try:
+        headers = _own_attributes(path)
+    except InputError:
+        return [path]
+    return [path, *(other for header in headers.values() for other in _others(path, header).values())]
+
+
+_PART, _PARTS = "skinbake:part", "skinbake:parts"
+OF_FILES = (_PART, _PARTS)  # attributes that say in which file a part is
+
+
+def _others(path: Path | str, header: Mapping[str, Any]) -> dict[str, Path]:
+    """Files of other parts, by part.
+
+    Raises
+    ------
+    InputError
+        The attribute is damaged, or leads out of the folder.
+    """
+    if Path(path).suffix != ".exr" or _PARTS not in header:
+        return {}
+    try:
+        named = json.loads(str(header[_PARTS]))
+        found = {str(part): Path(path).with_name(str(name)) for part, name in named.items()}
+    except (ValueError, AttributeError, RecursionError) as error:
+        raise InputError(f"{path}: {_PARTS}: expected names of files by part, got: {error}") from error
+    if any(file == Path(path) for file in found.values()):
+        raise InputError(f"{path}: {_PARTS}: expected other files, got this one")
+    return found
+
+
 def read_parts(path: Path | str, names: Collection[str] | None = None) -> dict[str, Part]:
     """Parts of an EXR by name, pixels as stored: all, or those in `names`. A single part without a name is called "".
+
+    Parts that lie in files of their own (`write_part_files`) are read, too.
 
     OpenImageIO reads, since OpenEXR's Python module gives a cut file without its pixels and no error.
 
     Raises
     ------
     InputError
-        The file is missing, is not an EXR, or is cut short.
+        A file is missing, is not an EXR, or is cut short.
     """
+    others = [file for header in _own_attributes(path).values() for file in _others(path, header).items()]
+    parts = _own_parts(path, names)
+    for name, file in others:
+        if names is None or name in names:
+            (parts[name],) = _own_parts(file, None).values()
+    return parts
+
+
+def _own_parts(path: Path | str, names: Collection[str] | None) -> dict[str, Part]:
+    """Parts that are in the file itself."""
     import OpenImageIO as oiio
 
     parts, index = {}, 0
@@ -140,7 +222,7 @@ def read_parts(path: Path | str, names: Collection[str] | None = None) -> dict[s
         source = _open(path)
         while source.seek_subimage(index, 0):
             spec, index = source.spec(), index + 1
-            name = str(spec.get_string_attribute("name"))
+            name = str(spec.get_string_attribute("name") or spec.get_string_attribute(_PART))
             if names is not None and name not in names:
                 continue
             pixels = source.read_image(index - 1, 0, 0, spec.nchannels, oiio.UNKNOWN)
@@ -173,20 +255,29 @@ def channel_of(path: Path, parts: Mapping[str, Part], part: str, channel: str) -
 
 
 def read_attributes(path: Path | str) -> dict[str, dict[str, Any]]:
-    """Header attributes of every part by name, without the pixels.
+    """Header attributes of every part by name, without the pixels; of parts in files of their own, too.
 
     Raises
     ------
     InputError
-        The file is missing or is not an EXR.
+        A file is missing or is not an EXR.
     """
+    headers = _own_attributes(path)
+    for header in list(headers.values()):
+        for name, file in _others(path, header).items():
+            (headers[name],) = _own_attributes(file).values()
+    return headers
+
+
+def _own_attributes(path: Path | str) -> dict[str, dict[str, Any]]:
+    """Header attributes of the parts in the file itself."""
     headers, index = {}, 0
     with _undamaged(path):
         source = _open(path)
         while source.seek_subimage(index, 0):
             spec = source.spec()
             header = {attribute.name: attribute.value for attribute in spec.extra_attribs}
-            headers[str(header.get("name", ""))] = header | {
+            headers[str(header.get("name") or header.get(_PART, ""))] = header | {
                 "size": [spec.width, spec.height],
                 "channels": spec.channelnames,
             }

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_part_files, write_parts
 from skinbake.io.image import RINGING, read_radiance
 from skinbake.irradiance import IrradianceMap
 from skinbake.scene.decision import Decision
 
 LIGHT = "light."
 TOTAL = "irradiance"
+LAYOUTS = {"multipart": write_parts, "single": write_part_files}  # `output.layout`
 
 
 def tile_path(path: Path, tile: int, udim: bool) -> Path:
@@ -40,6 +41,7 @@ def write_irradiance(
     attributes: Mapping[str, Any],
     precision: str,
     compression: str,
+    layout: str = "multipart",
 ) -> None:
     """Write one tile: the total, then each light.
 
@@ -53,6 +55,8 @@ def write_irradiance(
         For every part's header.
     precision, compression : str
         As `write_parts`.
+    layout : "multipart" or "single"
+        A file, or a file a part.
 
     Raises
     ------
@@ -64,7 +68,7 @@ def write_irradiance(
         channels = rgb_channels(irradiance.rgb[i]) | {"visibility": irradiance.visibility[i]}
         told = {"skinbake:plan": plan_text(irradiance.plan[name])} if name in irradiance.plan else {}
         parts.append(Part(LIGHT + name, channels, {"skinbake:key": keys[name]} | told))
-    write_parts(path, parts, attributes, precision, compression)
+    LAYOUTS[layout](path, parts, attributes, precision, compression)
 
 
 def plan_text(lines: tuple[Decision, ...]) -> str:

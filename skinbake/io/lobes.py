@@ -14,8 +14,8 @@ from pydantic import ConfigDict, Field
 
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe, MeasuredError
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, channel_of, read_attributes, read_parts, rgb_channels, write_parts
-from skinbake.io.irradiance import LIGHT, TOTAL, tile_path
+from skinbake.io.exr import Part, channel_of, read_attributes, read_parts, rgb_channels
+from skinbake.io.irradiance import LAYOUTS, LIGHT, TOTAL, tile_path
 from skinbake.io.output_names import is_output
 from skinbake.io.record import Record
 from skinbake.stored_precision import as_stored
@@ -110,6 +110,7 @@ def write_lobes(
     compression: str,
     separate: bool = True,
     udim: bool = False,
+    layout: str = "multipart",
 ) -> None:
     """Write every lobe and tile; the first file's header holds the plan, so that a bake can be taken up from it.
 
@@ -128,6 +129,8 @@ def write_lobes(
         Write a part a light besides the total.
     udim : bool
         Whether there are tiles.
+    layout : "multipart" or "single"
+        A file a lobe, or a file a part.
 
     Raises
     ------
@@ -164,7 +167,8 @@ def write_lobes(
             parts = [Part(TOTAL, rgb_channels(lobe.total[tile]))]
             if separate:
                 parts += [Part(LIGHT + n, rgb_channels(rgb[i])) for i, n in enumerate(result.lights)]
-            write_parts(tile_path(folder / names[index], tile, udim), parts, header, precision, compression)
+            path = tile_path(folder / names[index], tile, udim)
+            LAYOUTS[layout](path, parts, header, precision, compression)
 
 
 def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:

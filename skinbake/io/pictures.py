@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinbake.compare import read_at
 from skinbake.errors import InputError, printable
-from skinbake.io.exr import channel_of, read_parts
+from skinbake.io.exr import channel_of, files_of, read_parts
 from skinbake.io.figures import png_figure
 from skinbake.io.image import read_map
 
@@ -30,6 +30,8 @@ def images_of(path: Path) -> dict[str, Image]:
     """
     if path.is_dir():
         files = sorted(path.glob("*.exr"))
+        parts_of_others = {part for file in files for part in files_of(file)[1:]}
+        files = [file for file in files if file not in parts_of_others]
         if not files:
             raise InputError(f"{path}: expected a folder with EXR files, found none")
         return {f"{file.name} {name}".strip(): image for file in files for name, image in images_of(file).items()}

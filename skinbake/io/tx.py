@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write, system_error
-from skinbake.io.exr import Part, read_attributes, read_parts
+from skinbake.io.exr import OF_FILES, Part, part_file, read_attributes, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
 
 TILE, HEADER_BYTES = 64, 1 << 16  # texels of the library's tiles along a side; more than a header takes
@@ -22,8 +22,7 @@ NO_DATE = "1970:01:01 00:00:00"  # the library stamps the time otherwise: the sa
 
 def tx_path(exr: Path, light: str | None = None) -> Path:
     """Path of a .tx: `lobe_0.tx` for lobe_0.exr, `lobe_0.key.tx` for its light "key"; a tile's number stays last."""
-    stem, dot, tile = exr.stem.partition(".")
-    return exr.with_name(f"{stem}{f'.{light}' if light else ''}{dot}{tile}.tx")
+    return (part_file(exr, LIGHT + light) if light else exr).with_suffix(".tx")
 
 
 def write_tx(exr: Path, coverage: NDArray[np.floating] | None = None) -> list[Path]:
@@ -115,7 +114,7 @@ def _write(path: Path, part: Part, known: NDArray[np.bool_]) -> None:
     filled = oiio.ImageBufAlgo.channels(oiio.ImageBufAlgo.fillholes_pushpull(image), (0, 1, 2))
     spec = filled.specmod()
     for name, value in part.attributes.items():
-        if name.startswith("skinbake:") and isinstance(value, str | int | float):
+        if name.startswith("skinbake:") and name not in OF_FILES and isinstance(value, str | int | float):
             spec.attribute(name, value)
     spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), part.attributes["chromaticities"])
     header = dict(part.attributes) | {"size": [known.shape[1], known.shape[0]]}

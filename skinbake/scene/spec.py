@@ -386,6 +386,8 @@ class OutputSpec(Strict):
     """Floats of 16 or of 32 bits."""
     compression: Literal["none", "rle", "zips", "zip", "piz"] = "zip"
     """Of the EXR files."""
+    layout: Literal["multipart", "single"] = "multipart"
+    """Lights of a texture are parts of its file, or, for programs that see the first part only, files of their own."""
     lights: Literal["separate", "total"] = "separate"
     """Store each light on its own, so that it can be changed later, or all of them summed."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0

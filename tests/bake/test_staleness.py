@@ -187,6 +187,7 @@ CHANGES = {
          "diffusion.probes": 30, "texturing.mode": "post-scatter", "terms.incidence": "off",
          "terms.beam": "off",
          "terms.interreflection": "off", "terms.transmission": "off", "terms.bounces": 2, "output.precision": "float",
+         "output.layout": "single",
          "output.compression": "piz", "output.lights": "total", "output.seed": 1, "output.tx": True,
          "skin.boundary": "exact", "skin.thin_layers": "ballistic", "skin.layers.0.thickness_mm": 0.1,
          "skin.normalise": "white"} | LAYERED | {"skin.fit.gaussians": 3},

@@ -68,7 +68,13 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             (self._inputs.key("albedo", OCCLUDERS), skin_medium(spec.skin).identity)
             if spec.terms.transmission != "off"
             else None,
-            (spec.output.precision, spec.output.compression, spec.output.lights, spec.output.seed),
+            (
+                spec.output.precision,
+                spec.output.compression,
+                spec.output.layout,
+                spec.output.lights,
+                spec.output.seed,
+            ),
         )
 
     def _albedo_before(self) -> Any:
