@@ -61,6 +61,8 @@ class LightEntering:
         The same for wider lobes: what lamps send stands where it first scatters.
     mean_albedo : ndarray of shape (3,)
         Of the skin.
+    slanted : frozenset of str
+        Lights of the look that count by their incidence.
     plan : tuple of Decision
     coarseness : float
         Of the light that skin sends to skin, which all lights together decide (`Receivers`); 0 without such light.
@@ -70,6 +72,7 @@ class LightEntering:
     rgb: dict[int, Image]
     beam: BeamLight | None
     mean_albedo: Float
+    slanted: frozenset[str]
     plan: tuple[Decision, ...]
     coarseness: float = 0.0
 
@@ -158,7 +161,8 @@ def light_entering(
             np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
     free_path = free_path_of(medium)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
-    return LightEntering(names, light, beam, total / sum(map(np.sum, area)), tuple(plan), coarseness)
+    mean_albedo = total / sum(map(np.sum, area))
+    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), coarseness)
 
 
 def _named(spec: SceneSpec, name: str) -> LightSpec:

@@ -16,14 +16,14 @@ from skinbake.diffuse.memoize import Memoize
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.terms.beam import free_path_of
-from skinbake.diffuse.terms.transmission import transmit
+from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.irradiance.irradiance_map import IrradianceMap, decided_for
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
 from skinbake.scene.budget import left_wrong
-from skinbake.scene.decision import Decisions
+from skinbake.scene.decision import TOTAL_LIGHT, Decisions
 from skinbake.scene.spec import SceneSpec
 
 LIKELY_LOBES = 6  # before the profile is fitted
@@ -77,6 +77,7 @@ def scatter(
         beam=entering.beam,
     )
     mean_albedo, plan = entering.mean_albedo, entering.plan
+    through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
     del entering
     texture, terms, budget = spec.texture, spec.terms, decisions.budget
     # What each light's terms have left, the blur's error taken as measured
@@ -98,6 +99,7 @@ def scatter(
         None if terms.transmission == "off" else scene.occluder,
         skin_medium(spec.skin),
         limit,
+        through_by,
     )
     plan = (*plan, *diffused.plan, line)
     left = left_wrong((*before, *plan), lights, blur)
@@ -116,6 +118,13 @@ def _as_coarse(
 ) -> Any:
     """What is known of lights to which skin sends light as coarsely: with other lights beside them that may differ."""
     return remember((*kind, coarseness), names, make)
+
+
+def _transmitted(spec: SceneSpec, slanted: frozenset[str], name: str) -> TransmittedLight:
+    """What is known of a stored light: of a sum of several, that most of it counts by its incidence or does not."""
+    if name != TOTAL_LIGHT:
+        return TransmittedLight(next(light for light in spec.lights if light.name == name), name in slanted)
+    return TransmittedLight(spec.lights[0] if len(spec.lights) == 1 else None, 2 * len(slanted) > len(spec.lights))
 
 
 def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int) -> None:

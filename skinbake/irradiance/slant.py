@@ -165,12 +165,12 @@ def apply_slant(
         return
     parallel_for(
         _multiply, len(out),
-        _Slanted(_sources(light, occluder.centre_mm), normal, np.ascontiguousarray(slant.factor_rgb)),
+        _Slanted(sources_of(light, occluder.centre_mm), normal, np.ascontiguousarray(slant.factor_rgb)),
         raster.face_index, raster.barycentric, occluder.subdivided, out,
     )  # fmt: skip
 
 
-def _sources(light: LightSpec, centre_mm: Float) -> Float:
+def sources_of(light: LightSpec, centre_mm: Float) -> Float:
     """A lamp as `emitter` makes it, (1, 10); a rectangle as four points of one brightness, (4, 10)."""
     if not isinstance(light, RectangleLight):
         return emitter(light, centre_mm)[None]

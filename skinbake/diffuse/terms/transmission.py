@@ -8,6 +8,9 @@ lights, soft ones included.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +27,8 @@ from skinbake.atlas import (
 from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
-from skinbake.diffuse.terms.skin_hits import ascend, skin_points
+from skinbake.diffuse.terms.far_side import FarSide, far_side, inwards, slant_factors
+from skinbake.diffuse.terms.skin_hits import skin_points
 from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
@@ -32,6 +36,7 @@ from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium
+from skinbake.scene.lights import LightSpec
 from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
@@ -40,6 +45,21 @@ TEXEL_MM = 0.4  # transmitted light is smooth: no finer texels than these are co
 SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
 SEEN_SHARE = 0.001  # of the skin: `auto` looks at the brightest part of that size
 WORTH = 5.0  # tolerances of the mean radiance that part must reach
+
+
+class TransmittedLight(NamedTuple):
+    """A light that comes through.
+
+    Attributes
+    ----------
+    light : LightSpec, optional
+        None: several in one.
+    counted : bool
+        Whether it counts by its incidence already (theory.md 9.5).
+    """
+
+    light: LightSpec | None
+    counted: bool
 
 
 def transmit(
@@ -55,6 +75,7 @@ def transmit(
     occluder: Occluder | None = None,
     medium: SkinMedium | None = None,
     limit: float = np.inf,
+    lights: Mapping[str, TransmittedLight] | None = None,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe of weight 1, and the plan's line on it.
 
@@ -76,6 +97,8 @@ def transmit(
         What the skin is made of.
     limit : float
         Root mean square that may be left out; `auto` keeps the term above it, too.
+    lights : mapping of str to TransmittedLight, optional
+        By the names in `diffused`; of others light comes from everywhere and counts by its incidence.
 
     References
     ----------
@@ -85,7 +108,8 @@ def transmit(
         return None, Decision("transmission", False, "off")
     reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
     weights = slab_weights(gaussians, reflectance, medium)
-    weights = _without_counted(weights, diffused, gaussians)
+    carried = _carried_already(weights, diffused, gaussians)
+    of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
 
     texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
     coarse = 1 << transmitted_level(texel_mm)
@@ -96,9 +120,11 @@ def transmit(
     for raster in atlas:
         rows, cols = np.nonzero(raster.addressed)
         point, normal = skin_points(raster, mesh, occluder, rows, cols)
-        near = np.flatnonzero(occluder.occluded(*_inwards(occluder, point, normal), _reach(weights, len(rows))))
-        face, uv, thickness, opposed = far_side(occluder, mesh, point[near], normal[near])
-        across = _gather(diffused, mesh, udim, face, uv, _weights_at(weights, thickness, opposed))
+        near = np.flatnonzero(occluder.occluded(*inwards(occluder, point, normal), _reach(weights, len(rows))))
+        far = far_side(occluder, mesh, point[near], normal[near])
+        slants = (slant_factors(weights, far, *light, occluder.centre_mm) for light in of_names)
+        by_lobe = _ByLobe(_at(weights, weights.weight_rgb, far), _at(weights, carried, far), np.stack(list(slants)))
+        across = _gather(diffused, mesh, udim, far.face, far.uv, by_lobe)
         rows, cols = rows[near], cols[near]
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
         image[:, rows, cols] = np.maximum(across, 0)
@@ -118,12 +144,6 @@ def transmitted_level(texel_mm: float) -> int:
     return int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0))))
 
 
-def _inwards(occluder: Occluder, point: Image, normal: Image) -> tuple[Image, Image]:
-    """Rays into the flesh: in by a hundredth of a millimetre and the coordinates' own spacing, off the own facet."""
-    inward = np.ascontiguousarray(-normal)
-    return point + inward * np.float32(0.01 + 32 * occluder.spacing_mm), inward
-
-
 def _reach(weights: SlabWeights, rays: int) -> Image:
     """Thickness beyond which all is dark, for each ray."""
     lit = np.flatnonzero(np.abs(weights.weight_rgb).sum(axis=1).max(axis=1) >= DARK)
@@ -131,64 +151,29 @@ def _reach(weights: SlabWeights, rays: int) -> Image:
     return np.full(rays, weights.thickness_mm[last], np.float32)
 
 
-def far_side(
-    occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image
-) -> tuple[NDArray[np.int64], Float, Float, Float]:
-    """Where the inward normal leaves the flesh.
-
-    Parameters
-    ----------
-    occluder : Occluder
-    mesh : SkinMesh
-    point, normal : ndarrays of shape (n, 3)
-        On the surface that rays meet, mm about the occluder's centre, and unit.
-
-    Returns
-    -------
-    face : ndarray of shape (n,)
-        -1 where it never does.
-    uv : ndarray of shape (n, 2)
-    thickness_mm : ndarray of shape (n,)
-    opposed : ndarray of shape (n,)
-        Cosine between the way and the outward normal there: 1 through a slab, 0 where it only grazes.
-    """
-    start, inward = _inwards(occluder, point, normal)
-    child, in_1, in_2, distance = occluder.first_hit(start, inward)
-    levels = occluder.subdivided.levels
-    face, b1, b2 = ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
-    barycentric = np.stack([1 - b1 - b2, b1, b2], axis=1)
-    uv = np.einsum("nk,nki->ni", barycentric, mesh.corner_uv[face])
-    there = np.einsum("nk,nki->ni", barycentric, mesh.corner_normal[face])
-    opposed = np.clip((there * inward).sum(axis=1) / np.maximum(np.linalg.norm(there, axis=1), 1e-30), 0, 1)
-    missed = child < 0
-    opposed[missed] = 0
-    return np.where(missed, -1, face), uv, distance.astype(np.float64), opposed
-
-
-def _without_counted(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> SlabWeights:
-    """Take off what lobes summed over the surface in space already carry through a slab, theory.md 7.2."""
-    taken = weights.weight_rgb.copy()
+def _carried_already(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> Float:
+    """Weights that lobes summed over the surface in space carry through a slab themselves, (K, N, 3); theory.md 7.2."""
+    carried = np.zeros_like(weights.weight_rgb)
     for i, lobe in enumerate(diffused.lobes):
         if lobe.method and METHODS[lobe.method].through_flesh and lobe.variance_mm2 > 0:
             through = np.exp(-(weights.thickness_mm**2) / (2 * lobe.variance_mm2))
-            taken[:, i] -= through[:, None] * gaussians.weight_rgb[i]
-    return SlabWeights(weights.thickness_mm, taken)
+            carried[:, i] = through[:, None] * gaussians.weight_rgb[i]
+    return carried
 
 
-def _weights_at(weights: SlabWeights, thickness_mm: Float, opposed: Float) -> Image:
+def _at(weights: SlabWeights, table: Float, far: FarSide) -> Image:
     """Weights of the lobes for each ray, (n, N, 3); linear in the logarithm of the thickness, dark beyond the table."""
-    table = weights.weight_rgb
     step = float(np.log(weights.thickness_mm[1] / weights.thickness_mm[0]))
-    out = np.zeros((len(thickness_mm), *table.shape[1:]), np.float32)
+    out = np.zeros((len(far.face), *table.shape[1:]), np.float32)
     thinnest_mm = float(weights.thickness_mm[0])
-    rays = np.ascontiguousarray(thickness_mm), np.ascontiguousarray(opposed)
+    rays = np.ascontiguousarray(far.thickness_mm), np.ascontiguousarray(far.opposed)
     parallel_for(_read_table, len(out), table, thinnest_mm, step, rays, out)
     return out
 
 
 @kernel
 def _read_table(first, stop, table, thinnest_mm, step, rays, out):  # type: ignore[no-untyped-def]
-    """`_weights_at` of rays.
+    """`_at` of rays.
 
     Parameters
     ----------
@@ -212,40 +197,44 @@ def _read_table(first, stop, table, thinnest_mm, step, rays, out):  # type: igno
         k = max(k, 0.0)
         low = min(int(k), last - 1)
         t = k - low
-        most = 0.0
         for c in range(3):
-            total = 0.0
             for i in range(table.shape[1]):
-                weight = (table[low, i, c] * (1 - t) + table[low + 1, i, c] * t) * opposed[ray]
-                out[ray, i, c] = weight
-                total += abs(weight)
-            most = max(most, total)
-        if most < DARK:
-            for i in range(table.shape[1]):
-                for c in range(3):
-                    out[ray, i, c] = 0
+                out[ray, i, c] = (table[low, i, c] * (1 - t) + table[low + 1, i, c] * t) * opposed[ray]
 
 
-def _gather(
-    diffused: DiffuseMap, mesh: SkinMesh, udim: bool, face: NDArray[np.int64], uv: Float, weight: Image
-) -> Image:
+class _ByLobe(NamedTuple):
+    """What of each lobe counts at n places.
+
+    Attributes
+    ----------
+    weight, less : ndarrays of shape (n, N, 3), float32
+        Its weight, and what is taken off that.
+    factor : ndarray of shape (L, n, 3), float32
+        On the weights, by light.
+    """
+
+    weight: Image
+    less: Image
+    factor: Image
+
+
+def _gather(diffused: DiffuseMap, mesh: SkinMesh, udim: bool, face: NDArray[np.int64], uv: Float, of: _ByLobe) -> Image:
     """Weighted sum of the lobes at places (n) of the texture, each light apart, shape (L, n, 3)."""
     out = np.zeros((len(diffused.lights), len(face), 3), np.float32)
-    lit = weight.any(axis=(1, 2)) & (face >= 0)
+    lit = (of.weight.sum(axis=1).max(axis=1) >= DARK) & (face >= 0)
     of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
     for tile in tiles_of(mesh, udim):
         pick = np.flatnonzero(lit & (of_face[face] == tile))
         local = local_uv(uv[pick], tile)
         for i, lobe in enumerate(diffused.lobes):
             image = np.asarray(lobe.rgb[tile], np.float32)
-            parallel_for(_add_bilinear, len(pick), image, local, pick, np.ascontiguousarray(weight[:, i]), out)
+            mine = _ByLobe(np.ascontiguousarray(of.weight[:, i]), np.ascontiguousarray(of.less[:, i]), of.factor)
+            parallel_for(_add_bilinear, len(pick), image, local, pick, mine, out)
     return out
 
 
 @kernel
-def _add_bilinear(
-    first: int, stop: int, image: Image, uv: Float, pick: NDArray[np.int64], weight: Image, out: Image
-) -> None:
+def _add_bilinear(first, stop, image, uv, pick, of, out):  # type: ignore[no-untyped-def]
     """Add weighted light of a lobe, read bilinearly, at places of the texture.
 
     Parameters
@@ -256,17 +245,20 @@ def _add_bilinear(
     uv : ndarray of shape (n, 2)
         Within the tile.
     pick : ndarray of shape (n,)
-        Row of `weight` and of `out` that each place has.
-    weight : ndarray of shape (all, 3)
+        Row of `of` and of `out` that each place has.
+    of : _ByLobe
+        Of this lobe: `weight` and `less` of shape (all, 3).
     out : ndarray of shape (L, all, 3)
         Added to.
     """
     lights, height, width = image.shape[:3]
     for n in range(first, stop):
         around = texels_around(uv[n, 0], uv[n, 1], height, width)
+        at = pick[n]
         for light in range(lights):
             for c in range(3):
-                out[light, pick[n], c] += weight[pick[n], c] * bilinear(image[light], c, around)
+                weight = of.weight[at, c] * of.factor[light, at, c] - of.less[at, c]
+                out[light, at, c] += weight * bilinear(image[light], c, around)
 
 
 def _reflected(
@@ -277,7 +269,9 @@ def _reflected(
     rows, cols = (step * index for index in np.nonzero(raster.covered[::step, ::step]))
     uv = interpolate(raster, mesh.corner_uv)[rows, cols].astype(np.float64)
     weight = np.broadcast_to(gaussians.weight_rgb.astype(np.float32), (len(rows), *gaussians.weight_rgb.shape))
-    light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, weight)
+    factor = np.ones((len(diffused.lights), len(rows), 3), np.float32)
+    everything = _ByLobe(weight, np.zeros_like(weight), factor)
+    light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, everything)
     return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
 
 

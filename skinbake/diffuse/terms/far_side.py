@@ -1,0 +1,148 @@
+"""The skin on the other side of thin flesh, and how light from lamps enters there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.diffuse.terms.skin_hits import ascend
+from skinbake.diffuse.terms.slab_weights import SlabWeights
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.punctual_light import towards
+from skinbake.irradiance.slant import sources_of
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float, normalized
+from skinbake.scene.lights import LightSpec
+from skinbake.scene.mesh import SkinMesh
+
+Image = NDArray[np.float32]
+FULL_COSINE = 0.3  # what light there is where a lamp grazes has come from around, or from other skin
+
+
+def inwards(occluder: Occluder, point: Image, normal: Image) -> tuple[Image, Image]:
+    """Rays into the flesh: in by a hundredth of a millimetre and the coordinates' own spacing, off the own facet.
+
+    Parameters
+    ----------
+    occluder : Occluder
+    point, normal : ndarrays of shape (n, 3)
+
+    Returns
+    -------
+    Origins and directions.
+    """
+    inward = np.ascontiguousarray(-normal)
+    return point + inward * np.float32(0.01 + 32 * occluder.spacing_mm), inward
+
+
+class FarSide(NamedTuple):
+    """Where the inward normals of n points leave the flesh.
+
+    Attributes
+    ----------
+    face : ndarray of shape (n,)
+        -1 where it never does.
+    uv : ndarray of shape (n, 2)
+    thickness_mm : ndarray of shape (n,)
+    opposed : ndarray of shape (n,)
+        Cosine between the way and the outward normal there: 1 through a slab, 0 where it only grazes.
+    point, normal : ndarrays of shape (n, 3)
+        The place, mm about the occluder's centre, and its unit normal.
+    """
+
+    face: NDArray[np.int64]
+    uv: Float
+    thickness_mm: Float
+    opposed: Float
+    point: Float
+    normal: Float
+
+
+def far_side(occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image) -> FarSide:
+    """Follow inward normals until they leave the flesh.
+
+    Parameters
+    ----------
+    occluder : Occluder
+    mesh : SkinMesh
+    point, normal : ndarrays of shape (n, 3)
+        On the surface that rays meet, mm about the occluder's centre, and unit.
+    """
+    start, inward = inwards(occluder, point, normal)
+    child, in_1, in_2, distance = occluder.first_hit(start, inward)
+    levels = occluder.subdivided.levels
+    face, b1, b2 = ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
+    barycentric = np.stack([1 - b1 - b2, b1, b2], axis=1)
+    uv = np.einsum("nk,nki->ni", barycentric, mesh.corner_uv[face])
+    there = normalized(np.einsum("nk,nki->ni", barycentric, mesh.corner_normal[face]))
+    opposed = np.clip((there * inward).sum(axis=1), 0, 1)
+    missed = child < 0
+    opposed[missed] = 0
+    way = np.where(missed, 0, distance.astype(np.float64))[:, None]
+    place = start + way * inward
+    thickness = np.where(missed, np.inf, np.linalg.norm(place - point, axis=1))
+    return FarSide(np.where(missed, -1, face), uv, thickness, opposed, place, there)
+
+
+def slant_factors(
+    weights: SlabWeights, far: FarSide, light: LightSpec | None, counted: bool, centre_mm: Float
+) -> Image:
+    """What of a light's weights is let through because of the slant at which it entered on the far side, (n, 3).
+
+    Parameters
+    ----------
+    weights : SlabWeights
+    far : FarSide
+    light : LightSpec, optional
+        None: several lights in one, as if from everywhere.
+    counted : bool
+        Whether its light counts by its incidence already.
+    centre_mm : ndarray of shape (3,)
+        Of the occluder.
+    """
+    table = weights.counted_rgb if counted else weights.plain_rgb
+    step = np.log(weights.thickness_mm[1] / weights.thickness_mm[0])
+    k = np.log(np.maximum(far.thickness_mm, 1e-6) / weights.thickness_mm[0]) / step
+    k = np.clip(np.where(np.isfinite(k), k, 0), 0, len(table) - 1.001)
+    low = k.astype(np.int64)
+    part = (k - low)[:, None]
+    everywhere = (1 - part) * table[low, -1] + part * table[low + 1, -1]
+    if light is None or light.everywhere:
+        return everywhere.astype(np.float32)
+    cosine = np.empty(len(far.face))
+    parallel_for(_cosines, len(cosine), sources_of(light, centre_mm), far.point, far.normal, cosine)
+    nodes = table.shape[1] - 1
+    m = np.clip(cosine, 0, 1) * (nodes - 1)
+    left = np.minimum(m.astype(np.int64), nodes - 2)
+    across = (m - left)[:, None]
+    slanted = np.zeros((len(cosine), 3))
+    for i, share_k in ((low, 1 - part), (low + 1, part)):
+        for j, share_m in ((left, 1 - across), (left + 1, across)):
+            slanted += share_k * share_m * table[i, j]
+    direct = np.clip(cosine / FULL_COSINE, 0, 1)[:, None]
+    direct = direct * direct * (3 - 2 * direct)
+    return (direct * slanted + (1 - direct) * everywhere).astype(np.float32)
+
+
+@kernel
+def _cosines(first, stop, sources, point, normal, out):  # type: ignore[no-untyped-def]
+    """Mean cosine between the normals of places and the directions to a light's sources, below 0 away from them.
+
+    Parameters
+    ----------
+    first, stop : int
+        Places.
+    sources : ndarray of shape (n, 10)
+        Each as `emitter` makes it.
+    point, normal : ndarrays of shape (n, 3)
+    out : ndarray of shape (n,), written
+    """
+    for k in range(first, stop):
+        total = 0.0
+        for source in sources:
+            lx, ly, lz, _, _ = towards(source, point[k, 0], point[k, 1], point[k, 2])
+            total += lx * normal[k, 0] + ly * normal[k, 1] + lz * normal[k, 2]
+        out[k] = total / len(sources)
