@@ -20,7 +20,7 @@ lights:
   - {name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 2, 3]}
   - {name: sky, type: environment, radiance: [0.1, 0.1, 0.1]}
 diffusion: {method: surface, tolerance: 1.0, probes: 50}
-terms: {energy_conservation: off, incidence: on, interreflection: off, transmission: off}
+terms: {energy_conservation: off, incidence: on, beam: off, interreflection: off, transmission: off}
 output: {dir: out}
 """
 
