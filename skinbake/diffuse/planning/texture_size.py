@@ -191,6 +191,12 @@ def _read(images: Tiled[NDArray[np.float32]], patches: _Patches, constant: Float
     for tile, image in images.items():
         mine = patches.tile == tile
         if mine.any():
+            # Where the map's texels are the texture's, each is read as it is
+            exact = patches.place[mine] * image.shape[:2] - 0.5
+            texel = np.rint(exact).astype(np.int64)
+            if np.abs(exact - texel).max() < 1e-6:
+                out[mine] = image[texel[..., 0], texel[..., 1]]
+                continue
             flat = read_bilinear(np.ascontiguousarray(image[None], np.float32), patches.place[mine].reshape(-1, 2))
             out[mine] = flat.reshape(out[mine].shape)
     return out

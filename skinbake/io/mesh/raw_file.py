@@ -8,7 +8,7 @@ import numpy as np
 
 from skinbake.errors import InputError
 from skinbake.io.mesh.gltf import read_gltf
-from skinbake.io.mesh.obj import read_obj
+from skinbake.io.mesh.kept_obj import read_kept_obj
 from skinbake.io.mesh.ply import read_ply
 from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.io.mesh.trimesh_file import read_with_trimesh
@@ -50,7 +50,7 @@ def read_raw(path: Path, uv_set: int | None = None, time: float | None = None, k
         raise InputError(f"{path}: {key}.uv_set: expected a glTF or USD file, which may have several, got {suffix}")
     try:
         if suffix == ".obj":
-            raw = read_obj(path)
+            raw = read_kept_obj(path)
         elif suffix in (".glb", ".gltf"):
             raw = read_gltf(path, uv_set)
         elif suffix in USD_SUFFIXES:
