@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from skinbake.baking.plan_table import aligned, plan_rows
 from skinbake.baking.stage_log import StageLog
 from skinbake.errors import ToleranceMissedError
 from skinbake.pipeline import Baked
@@ -24,7 +25,9 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, 
         Estimated loss of a texture that is coarser than asked for; not told where it is 0.
     """
     for line in baked.plan:
-        log.say(f"  {'+' if line.enabled else '-'} {line.term:<20} {line.why}")
+        log.say(f"  {'+' if line.enabled else '-'} {line.term:<20} {line.why}", 2)
+    for text in aligned(plan_rows(baked, log.parts)) if baked.diffuse.lobes else ():
+        log.say(f"  {text}")
     if baked.diffuse.error:
         e = baked.diffuse.error
         log.say(
@@ -33,9 +36,6 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, 
         )
     if lost:
         log.say(f"  the texture size's error, against the size asked for: {lost:.2%}, estimated")
-    if baked.left_wrong is not None:
-        tolerance = baked.decisions.budget.tolerance
-        log.say(f"  all that is left wrong, of any one light: rms {baked.left_wrong:.3%} of {tolerance:.3%}")
     if baked.relight:
         count, kind, (width, height) = len(baked.relight.basis), baked.relight.basis.kind, baked.relight.judged_at
         log.say(f"  relighting by {count} textures ({kind}), against bakes of lights unseen at {width} x {height}:")

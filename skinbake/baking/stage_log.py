@@ -43,6 +43,8 @@ class StageLog:
         Of each stage alone, without those that ran inside it.
     busy : dict of stage name to float
         ... without those of compiling either.
+    parts : dict of str to float
+        Seconds of what stages said that they do, by what they said.
     reused : dict of stage name to bool
         Whether the stage's result was there already.
     progress : Progress
@@ -55,6 +57,8 @@ class StageLog:
         self.seconds: dict[str, float] = {}
         self.busy: dict[str, float] = {}
         self.reused: dict[str, bool] = {}
+        self.parts: dict[str, float] = {}
+        self._part: tuple[str, float] | None = None  # what is being done, and since when
         self._inner = [0.0]  # seconds of the stages inside each one that runs
 
     @contextmanager
@@ -73,6 +77,7 @@ class StageLog:
             try:
                 yield
             finally:
+                self._end_part()
                 whole = time.perf_counter() - start
                 seconds = whole - self._inner.pop()
                 self._inner[-1] += whole
@@ -108,8 +113,17 @@ class StageLog:
 
     def note(self, text: str) -> None:
         """Say where a stage is: beside its bar, and with much verbosity in a line."""
+        self._end_part()
+        self._part = text, time.perf_counter()
         self.progress.note(text)
         self.say(f"    {text}", 2)
+
+    def _end_part(self) -> None:
+        """What was being done is done."""
+        if self._part is not None:
+            name, since = self._part
+            self.parts[name] = self.parts.get(name, 0.0) + time.perf_counter() - since
+            self._part = None
 
     def say(self, text: str, level: int = 1) -> None:
         """Tell the person at the terminal, on stderr, if `verbosity` is `level` or more."""

@@ -120,7 +120,8 @@ def plan_environment(
             )
             if samples:
                 noise = float(np.hypot(noise, INTERPOLATED * min(tolerance, WIDEST_VARIATION / VARIATION)))
-        lines.append(Decision(term, samples > 0, why, noise))
+        how = f"{samples} directions" if samples else "no shadows"
+        lines.append(Decision(term, samples > 0, why, noise, how))
     variation = min(VARIATION * tolerance, WIDEST_VARIATION)
     return EnvironmentPlan(sky, offset, samples, variation, matrix, table, tuple(lines))
 
@@ -140,7 +141,7 @@ def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: floa
     return (
         matrix * light.scale,
         table * np.float32(light.scale),
-        Decision(f"{light.name}.harmonics", kept, why, error if kept else 0.0),
+        Decision(f"{light.name}.harmonics", kept, why, error if kept else 0.0, "harmonics" if kept else "table"),
     )
 
 

@@ -26,19 +26,22 @@ class Decision:
         The number that decided, in a sentence.
     error : float
         Estimated root mean square, as a share of the light, that this choice leaves wrong.
+    how : str
+        How it is done, in a few words; empty where that is whether it is.
     """
 
     term: str
     enabled: bool
     why: str
     error: float = 0.0
+    how: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "error", round(float(self.error), 6))  # as files hold it
 
     def record(self) -> dict[str, Any]:
-        """The line as the manifest and the EXR headers hold it: `term`, `kept`, `why`, `error`."""
-        return {"term": self.term, "kept": self.enabled, "why": self.why, "error": self.error}
+        """The line as the manifest and the EXR headers hold it: `term`, `kept`, `why`, `error`, `how`."""
+        return {"term": self.term, "kept": self.enabled, "why": self.why, "error": self.error, "how": self.how}
 
     @staticmethod
     def from_record(record: Mapping[str, Any]) -> Decision:
@@ -54,7 +57,7 @@ class Decision:
         error = record.get("error", 0.0)
         if not isinstance(error, float | int) or not isfinite(error):
             raise TypeError(f"expected a number as error, got {error!r:.100}")
-        return Decision(record["term"], record["kept"], record["why"], float(error))
+        return Decision(record["term"], record["kept"], record["why"], float(error), str(record.get("how", "")))
 
 
 def kept_of_any_light(plan: Iterable[Decision], term: str) -> bool:

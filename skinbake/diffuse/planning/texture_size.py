@@ -86,8 +86,9 @@ def choose_size(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
         f"auto: {size[0]} x {size[1]} of {asked[0]} x {asked[1]}: {told}, tolerance {tolerance:.2%}; "
         "`texture.reduce: off` keeps the size"
     )
+    how = f"{size[0]} x {size[1]}" + (f" of {asked[0]} x {asked[1]}" if chosen else "")
     loss = lost[chosen - 1] if chosen else 0.0
-    return TextureSize(size, loss, Decision("texture_size", chosen == 0, why, loss))
+    return TextureSize(size, loss, Decision("texture_size", chosen == 0, why, loss, how))
 
 
 def at_size(spec: SceneSpec, size: TextureSize) -> SceneSpec:
