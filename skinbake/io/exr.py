@@ -163,10 +163,9 @@ def part_file(path: Path, part: str) -> Path:
 def files_of(path: Path) -> list[Path]:
     """The files that hold the parts of `path`: itself, and those that it names."""
     try:
-        headers = _own_attributes(path)
+        return [path, *(other for header in _own_attributes(path).values() for other in _others(path, header).values())]
     except InputError:
         return [path]
-    return [path, *(other for header in headers.values() for other in _others(path, header).values())]
 
 
 _PART, _PARTS = "skinbake:part", "skinbake:parts"

@@ -54,7 +54,7 @@ def test_every_file_has_one_part_and_plain_channels(bakes):
 
 
 def test_readers_find_the_same(bakes, tmp_path, capsys):
-    """Arrays, the preview's textures, a comparison either way, `diffuse`, and every export but what names the layout."""
+    """Arrays, the preview's textures, a comparison either way, `diffuse`, exports, `info`."""
     one, other = (skinbake.open_bake(bakes / name) for name in ("multipart", "single"))
     for light in (None, *one.lights):
         np.testing.assert_array_equal(one.irradiance(light), other.irradiance(light))

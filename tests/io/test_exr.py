@@ -5,7 +5,7 @@ import OpenEXR
 import pytest
 
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.io.exr import Part, files_of, read_attributes, read_parts, rgb_channels, write_part_files, write_parts
 from skinbake.stored_precision import as_stored
 
 RNG = np.random.default_rng(7)
@@ -117,3 +117,27 @@ def test_what_is_no_exr_is_refused(tmp_path):
     for name in ("text.exr", "none.exr", "."):
         with pytest.raises(InputError, match="expected an EXR"):
             read_parts(tmp_path / name)
+
+
+def test_parts_in_files_of_their_own_come_back_together(tmp_path):
+    """A tile's number stays last in a name; those asked for alone are read."""
+    path = tmp_path / "lobe_0.1002.exr"
+    write_part_files(path, [part(), part(2 * IMAGE, "light.key", **{"skinbake:key": "a"})], precision="float")
+    assert files_of(path) == [path, tmp_path / "lobe_0.key.1002.exr"]
+    np.testing.assert_array_equal(read_parts(path)["light.key"].rgb, 2 * IMAGE)
+    assert list(read_parts(path, ["irradiance"])) == ["irradiance"]
+    assert read_attributes(path)["light.key"]["skinbake:key"] == "a"
+    assert list(read_parts(tmp_path / "lobe_0.key.1002.exr")) == ["light.key"]
+
+
+DAMAGED = ["{", "[1]", "null", '{"light.key": "../a.exr"}', '{"light.key": "a.exr"}', '{"b": ".."}']
+
+
+@pytest.mark.parametrize("named", DAMAGED)
+def test_a_damaged_list_of_files_is_said(tmp_path, named):
+    """Names that are no names, lead elsewhere, or to the file itself."""
+    write_parts(tmp_path / "a.exr", [part(name="", **{"skinbake:part": "irradiance", "skinbake:parts": named})])
+    for read in (read_parts, read_attributes):
+        with pytest.raises(InputError, match=r"expected (names of files by part|other files|an EXR file)"):
+            read(tmp_path / "a.exr")
+    assert files_of(tmp_path / "a.exr")[0] == tmp_path / "a.exr"
