@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,14 @@ from skinbake.io.image import filled
 from skinbake.io.mesh.write_glb import GlbMaterial, GlbPrimitive, write_glb
 from skinbake.io.scene_files import read_scene
 from skinbake.preview.geometry import vertex_buffers
-from skinbake.preview.tonemap import tonemap
+from skinbake.preview.tonemap import srgb_encode, tonemap
+from skinbake.profile.layers import Layer
+from skinbake.profile.skin_medium import skin_medium
 from skinbake.scene.maps import SkinMaps
+from skinbake.scene.skin import SkinSpec
 
 NAME = "skin.glb"
+VARIANTS = ("baked light", "medium")
 _MM_PER_METRE = 1000.0
 
 
@@ -24,7 +29,10 @@ def write_gltf(baked: BakedSkin, folder: Path) -> None:
     """Write `skin.glb`: the mesh in metres, a material a tile that shows M / pi without lights (KHR_materials_unlit).
 
     Normal map and roughness go along where the look has them; variances, weights, lights and the measured error stand
-    in the file's extras. A normal map in object space is left out, since glTF has none.
+    in the file's extras, and the layers of the skin's medium where it names one. Where that is one layer, the file has
+    a second variant (KHR_materials_variants), for renderers that scatter: the albedo, over the medium as
+    KHR_materials_diffuse_transmission, KHR_materials_volume and KHR_materials_ior say it. A normal map in object space
+    is left out, since glTF has none.
 
     Parameters
     ----------
@@ -38,7 +46,7 @@ def write_gltf(baked: BakedSkin, folder: Path) -> None:
     MachineError
         Disk full.
     """
-    scene = read_scene(baked.look, rays=False)
+    scene, volume = read_scene(baked.look, rays=False), _volume(_medium(baked.look.skin))
     primitives = []
     for tile, buffers in vertex_buffers(scene.mesh, baked.tiles).items():
         radiance = baked.radiant_exitance(tile=tile) / np.float32(np.pi)
@@ -52,6 +60,11 @@ def write_gltf(baked: BakedSkin, folder: Path) -> None:
             _roughness(maps.roughness.get(tile)),
             float(np.sqrt(baked.look.specular.roughness)),
         )
+        other = None
+        if volume:
+            albedo = maps.albedo.get(tile, np.asarray(maps.albedo_rgb, np.float32).reshape(1, 1, 3))
+            colour = np.rint(255 * srgb_encode(np.clip(albedo, 0, 1))).astype(np.uint8)
+            other = replace(material, name=f"{material.name} medium", colour=colour, extensions=volume)
         # glTF counts v downwards
         uv = np.stack([buffers.uv[:, 0], 1 - buffers.uv[:, 1]], axis=1)
         primitives.append(
@@ -62,9 +75,10 @@ def write_gltf(baked: BakedSkin, folder: Path) -> None:
                 uv,
                 buffers.faces,
                 material,
+                other,
             )
         )
-    write_glb(folder / NAME, primitives, _extras(baked))
+    write_glb(folder / NAME, primitives, _extras(baked), VARIANTS if volume else ())
 
 
 def _normal(maps: SkinMaps, tile: int) -> NDArray[np.uint8] | None:
@@ -85,12 +99,51 @@ def _roughness(beckmann: NDArray[np.float32] | None) -> NDArray[np.uint8] | None
     return picture
 
 
+def _medium(skin: SkinSpec) -> tuple[Layer, ...]:
+    """Layers of a skin that are given for R, G and B; none where it names no such medium."""
+    found = skin_medium(skin)
+    return found.layers if found.to_rgb is None else ()
+
+
+def _volume(layers: tuple[Layer, ...]) -> dict[str, Any]:
+    """A medium of one layer as glTF says it: absorption over a distance, in metres; all light that enters is scattered.
+
+    The thickness, for programs that draw surfaces only, is how deep light goes: 1 / sigma_tr of the green.
+    """
+    if len(layers) != 1:
+        return {}
+    (layer,) = layers
+    absorbed, scattered = layer.medium.sigma_a_per_mm, layer.medium.sigma_sp_per_mm
+    distance_mm = 1 / max(float(np.mean(absorbed)), 1e-6)
+    deep_mm = 1 / np.sqrt(3 * max(float(absorbed[1]), 1e-6) * float(absorbed[1] + scattered[1]))
+    return {
+        "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 1.0},
+        "KHR_materials_volume": {
+            "thicknessFactor": float(deep_mm) / _MM_PER_METRE,
+            "attenuationDistance": distance_mm / _MM_PER_METRE,
+            "attenuationColor": [float(x) for x in np.exp(-absorbed * distance_mm)],
+        },
+        "KHR_materials_ior": {"ior": float(layer.eta)},
+    }
+
+
 def _extras(baked: BakedSkin) -> dict[str, Any]:
     """What a program needs to know of the light in the textures."""
+    layers = [
+        {
+            "sigma_a_per_mm": [float(x) for x in layer.medium.sigma_a_per_mm],
+            "sigma_sp_per_mm": [float(x) for x in layer.medium.sigma_sp_per_mm],
+            "thickness_mm": float(layer.thickness_mm) if np.isfinite(layer.thickness_mm) else None,
+            "eta": float(layer.eta),
+            "g": float(layer.g),
+        }
+        for layer in _medium(baked.look.skin)
+    ]
     return {
         "exposure": baked.look.preview.exposure,
         "lights": list(baked.lights),
         "variance_mm2": [float(v) for v in baked.variance_mm2],
         "weight_rgb": [[float(w) for w in row] for row in baked.weight_rgb],
+        "medium": layers,
         "blur_error_rms": None if baked.error is None else float(baked.error.rms),
     }

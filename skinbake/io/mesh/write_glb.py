@@ -19,12 +19,13 @@ from skinbake.io.png import png_bytes
 _FLOAT, _UNSIGNED_INT = 5126, 5125
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
 _CLAMP, _LINEAR, _TRILINEAR = 33071, 9729, 9987
+_VARIANTS = "KHR_materials_variants"
 _SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 @dataclass(frozen=True)
 class GlbMaterial:
-    """A surface that shows one picture, whatever lights there are.
+    """A surface: one that shows its picture whatever lights there are, or one that scatters as its extensions say.
 
     Attributes
     ----------
@@ -38,6 +39,8 @@ class GlbMaterial:
         Perceptual roughness in green.
     roughness_factor : float
         Where there is no such picture.
+    extensions : mapping of name to JSON object
+        By default it is unlit.
     """
 
     name: str
@@ -46,6 +49,7 @@ class GlbMaterial:
     normal_scale: float = 1.0
     roughness: NDArray[np.uint8] | None = None
     roughness_factor: float = 1.0
+    extensions: Mapping[str, Any] = field(default_factory=lambda: {"KHR_materials_unlit": {}})
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ class GlbPrimitive:
         v down.
     faces : ndarray of shape (F, 3), int32
     material : GlbMaterial
+    other : GlbMaterial, optional
+        In the second of the file's variants.
     """
 
     position: NDArray[np.float32]
@@ -69,15 +75,20 @@ class GlbPrimitive:
     uv: NDArray[np.float32]
     faces: NDArray[np.int32]
     material: GlbMaterial
+    other: GlbMaterial | None = None
 
 
-def write_glb(path: Path, primitives: Sequence[GlbPrimitive], extras: Mapping[str, Any]) -> None:
+def write_glb(
+    path: Path, primitives: Sequence[GlbPrimitive], extras: Mapping[str, Any], variants: Sequence[str] = ()
+) -> None:
     """Write one node with one mesh; the same input gives the same bytes.
 
     Parameters
     ----------
     path : Path
     primitives : sequence of GlbPrimitive
+    variants : sequence of str
+        Names of the two that there are where primitives have two materials.
     extras : mapping
         Written as `extras.skinbake` of the asset.
 
@@ -87,7 +98,8 @@ def write_glb(path: Path, primitives: Sequence[GlbPrimitive], extras: Mapping[st
         As `atomic_write`.
     """
     binary = _Binary()
-    materials = [_material(each.material, binary) for each in primitives]
+    used = [each.material for each in primitives] + [each.other for each in primitives if each.other]
+    materials = [_material(material, binary) for material in used]
     drawn = [
         {
             "attributes": {
@@ -99,6 +111,7 @@ def write_glb(path: Path, primitives: Sequence[GlbPrimitive], extras: Mapping[st
             "indices": binary.accessor(each.faces.reshape(-1, 1).astype(np.uint32), _ELEMENT_ARRAY_BUFFER),
             "material": index,
         }
+        | _variants(each, used)
         for index, each in enumerate(primitives)
     ]
     document = {
@@ -107,7 +120,10 @@ def write_glb(path: Path, primitives: Sequence[GlbPrimitive], extras: Mapping[st
             "generator": f"skinbake {skinbake.__version__}",
             "extras": {"skinbake": dict(extras)},
         },
-        "extensionsUsed": ["KHR_materials_unlit"],
+        "extensionsUsed": sorted(
+            {name for material in materials for name in material["extensions"]} | ({_VARIANTS} if variants else set())
+        ),
+        **({"extensions": {_VARIANTS: {"variants": [{"name": name} for name in variants]}}} if variants else {}),
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"name": "skin", "mesh": 0}],
@@ -137,6 +153,7 @@ class _Binary:
     views: list[dict[str, Any]] = field(default_factory=list)
     accessors: list[dict[str, Any]] = field(default_factory=list)
     images: list[dict[str, Any]] = field(default_factory=list)
+    textures: list[NDArray[np.uint8]] = field(default_factory=list)
 
     def view(self, content: bytes, **more: int) -> int:
         """Append bytes, aligned to 4; the number of their view."""
@@ -167,7 +184,11 @@ class _Binary:
         return len(self.accessors) - 1
 
     def texture(self, name: str, rgb: NDArray[np.uint8]) -> dict[str, int]:
-        """Append a picture as PNG; a reference to its texture."""
+        """Append a picture as PNG, unless it is there; a reference to its texture."""
+        for index, known in enumerate(self.textures):
+            if known is rgb:
+                return {"index": index}
+        self.textures.append(rgb)
         self.images.append({"name": name, "mimeType": "image/png", "bufferView": self.view(png_bytes(rgb))})
         return {"index": len(self.images) - 1}
 
@@ -183,7 +204,15 @@ def _material(material: GlbMaterial, binary: _Binary) -> dict[str, Any]:
     if material.normal is not None:
         made["normalTexture"] = binary.texture(f"{material.name} normal", material.normal)
         made["normalTexture"]["scale"] = material.normal_scale
-    return made | {"extensions": {"KHR_materials_unlit": {}}}
+    return made | {"extensions": dict(material.extensions)}
+
+
+def _variants(primitive: GlbPrimitive, materials: Sequence[GlbMaterial]) -> dict[str, Any]:
+    """Which material a primitive has in each variant."""
+    if primitive.other is None:
+        return {}
+    both = [next(i for i, of in enumerate(materials) if of is each) for each in (primitive.material, primitive.other)]
+    return {"extensions": {_VARIANTS: {"mappings": [{"material": m, "variants": [i]} for i, m in enumerate(both)]}}}
 
 
 def _tangents(primitive: GlbPrimitive, binary: _Binary) -> dict[str, int]:
