@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 
 from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse import MeasuredError
+from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.errors import InputError
 from skinbake.numerics import Float
+from skinbake.profile.weight_table import WeightTable
 from skinbake.relight.relit import Sun, light_coefficients, relit
 from skinbake.relight.transfer import Transfer
 from skinbake.scene.budget import left_wrong
 from skinbake.scene.decision import Decision
+from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
@@ -56,6 +59,9 @@ class Pixels(Protocol):
         InputError
             The look has no `relight`.
         """
+
+    def maps(self) -> SkinMaps:
+        """Maps of the look."""
 
 
 class Viewer:
@@ -103,6 +109,8 @@ class BakedSkin:
         Whether the last lobe is light through thin parts.
     folder : Path, optional
         Where the bake lies; None where it is in memory.
+    table : WeightTable, optional
+        Weights where maps vary the skin; `weight_rgb` is then that of their mean values.
     """
 
     def __init__(
@@ -117,9 +125,10 @@ class BakedSkin:
         plan: tuple[Decision, ...],
         transmits: bool = False,
         folder: Path | None = None,
+        table: WeightTable | None = None,
     ) -> None:
         self.look, self.lights, self.tiles, self.error, self.plan = look, lights, tiles, error, plan
-        self.transmits, self.folder = transmits, folder
+        self.transmits, self.folder, self.table = transmits, folder, table
         self.variance_mm2, self.weight_rgb = variance_mm2, weight_rgb
         self._pixels = pixels
 
@@ -272,7 +281,8 @@ class BakedSkin:
             for name in factors:
                 self._stored(name)
         total = np.zeros((height, width, 3), np.float32)
-        for index, weight in enumerate(self.weight_rgb.astype(np.float32)):
+        for index in range(len(self.weight_rgb)):
+            weight = self.weight_image(index, tile)
             lobe = sum(self._pixels.lobe(index, tile, name) * factors.get(str(name), np.float32(1)) for name in lights)
             total += weight * magnify_bilinear(np.asarray(lobe, np.float32), (height, width))
         if self.look.texturing.exponent_before < 1:
@@ -301,6 +311,31 @@ class BakedSkin:
         """
         after = np.float32(1 - self.look.texturing.exponent_before)
         return self._pixels.albedo(self._tile(tile)) ** after if after else np.ones((1, 1, 3), np.float32)
+
+    def weight_image(self, index: int, tile: int | None = None) -> Image:
+        """What a lobe counts at each texel.
+
+        Parameters
+        ----------
+        index : int
+            Of the lobe.
+        tile : int, optional
+            UDIM number; the first tile by default.
+
+        Returns
+        -------
+        ndarray of shape (H, W, 3), or (1, 1, 3) where it is the same everywhere; float32
+
+        Raises
+        ------
+        InputError
+            There is no such tile, or a map is missing or damaged.
+        """
+        if self.table is None:
+            return self.weight_rgb[index].astype(np.float32)[None, None]
+        width, height = self.look.texture.size
+        weights = SkinWeights(self.weight_rgb, self.table, self._pixels.maps())
+        return weights.image(index, self._tile(tile), (height, width))
 
     def relight(
         self,

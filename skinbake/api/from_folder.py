@@ -19,11 +19,12 @@ from skinbake.errors import InputError
 from skinbake.io.exr import channel_of, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.lobes import is_transmission
-from skinbake.io.manifest import NAME, read_manifest, spec_of
+from skinbake.io.manifest import NAME, read_manifest, spec_of, table_of
 from skinbake.io.relight import read_use, transfer_of
 from skinbake.io.scene_files import read_scene
 from skinbake.relight.transfer import Transfer
 from skinbake.scene.decision import Decision
+from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
@@ -58,6 +59,7 @@ def open_bake(folder: Path | str) -> BakedSkin:
         tuple(Decision.from_record(line) for line in manifest["plan"]),
         bool(manifest["lobes"]) and is_transmission(manifest["lobes"][-1]["method"]),
         folder,
+        table_of(manifest, folder),
     )
 
 
@@ -100,6 +102,10 @@ class _FolderPixels:
 
     def transfer(self) -> Transfer:
         return transfer_of(self.folder)
+
+    def maps(self) -> SkinMaps:
+        maps: SkinMaps = self._scene[0].maps
+        return maps
 
     @cached_property
     def _scene(self) -> Any:

@@ -21,6 +21,7 @@ from skinbake.io.config import load_look
 from skinbake.io.lobes import StoredLobe
 from skinbake.pipeline import Baked, Stages
 from skinbake.relight.transfer import Transfer
+from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
 from skinbake.stored_precision import as_stored
 
@@ -72,6 +73,7 @@ def bake(look: SceneSpec | Path | str, verbosity: int = 0) -> BakedSkin:
         baked.diffuse.error,
         baked.plan,
         bool(lobes) and lobes[-1].transmitted,
+        table=baked.gaussians.table,
     )
 
 
@@ -104,3 +106,6 @@ class _MemoryPixels:
         if self.baked.relight is None:
             raise InputError("relight: expected a look with relight, got one without")
         return self.baked.relight
+
+    def maps(self) -> SkinMaps:
+        return self.inputs.scene().maps

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import fit_skin
+from skinbake.profile.varying_skin import Range, ranges_of
+from skinbake.scene.maps import OF_SKIN
 from skinbake.scene.spec import OF_FILE, SceneSpec
 
 _DETAILED = ("albedo", "normal", "height", "detail")  # maps that a coarser texture loses detail of
@@ -64,14 +67,14 @@ class BakeInputs:
         spec = self.spec
         key = key_of(
             code_digest("skinbake.diffuse.planning.texture_size"),
-            self.key("mesh", *_DETAILED),
+            self.key("mesh", *_DETAILED, *self.skin_maps),
             (spec.diffusion.tolerance, spec.output.seed, spec.texturing.exponent_before),
             (spec.skin.model_dump(mode="json", exclude={"path"}), self.digests.get("skin")),
         )
         found = self._session.peek("texture_size", key)
         if found is None:
             path, scene = self.table_path, self.scene()
-            gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians
+            gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None, over=self.varying).gaussians
             found = self._session.put("texture_size", key, choose_size(spec, scene.mesh, scene.maps, gaussians))
             if found.size != spec.texture.size and _layout_of_its_own(spec):
                 self._scene = None  # made at the other size
@@ -90,6 +93,16 @@ class BakeInputs:
             key = key_of(self.key(*(role for role in self.digests if role != "skin")), as_written)
             self._scene = self._session.peek("scene", key) or self._session.put("scene", key, self._read())
         return self._scene
+
+    @property
+    def skin_maps(self) -> tuple[str, ...]:
+        """Maps of the look that vary its skin."""
+        return tuple(name for name in OF_SKIN if getattr(self.spec.maps, name) is not None)
+
+    @cached_property
+    def varying(self) -> dict[str, Range]:
+        """What the maps vary of the skin, and between which values."""
+        return ranges_of(self.scene().maps, self.spec.skin, self.tiles) if self.skin_maps else {}
 
     def close(self) -> None:
         """Let go of what was read: only a stage yet to run has use for it."""

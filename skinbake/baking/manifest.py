@@ -13,6 +13,7 @@ from skinbake.io.irradiance import tile_path
 from skinbake.io.lobes import lobe_name, stored_method
 from skinbake.io.manifest import portable_config, transport_digest
 from skinbake.io.output_names import RELIGHT
+from skinbake.io.weight_table import KEY, table_record
 from skinbake.machine import peak_memory_mib
 from skinbake.pipeline import Baked
 from skinbake.relight.transfer import Transfer
@@ -95,6 +96,7 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
         "inputs": inputs.digests,
         "irradiance": [path.name for path in results.irradiance_paths().values()] if spec.lights else [],
         "lobes": lobes,
+        **({} if baked.gaussians.table is None else {KEY: table_record(baked.gaussians.table)}),
         "lights": [light.name for light in spec.lights],
         "relight": relight_record(baked.relight),
         "texturing": spec.texturing.model_dump(),

@@ -14,13 +14,20 @@ from skinbake.io.lobes import StoredLobe
 from skinbake.irradiance import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.preview.scene import PreviewLobe, PreviewScene, Texture
+from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.decision import Decisions
+from skinbake.scene.maps import IMAGES
 from skinbake.scene.spec import SceneSpec
 from skinbake.stored_precision import as_stored
 
 
 def scene_of(
-    spec: SceneSpec, decisions: Decisions, scene: SceneData, irradiance: Sequence[IrradianceMap], result: DiffuseMap
+    spec: SceneSpec,
+    decisions: Decisions,
+    scene: SceneData,
+    irradiance: Sequence[IrradianceMap],
+    result: DiffuseMap,
+    table: WeightTable | None,
 ) -> PreviewScene:
     """What `read_bake_folder` would read, lights summed, without waiting for the files.
 
@@ -32,6 +39,8 @@ def scene_of(
     irradiance : sequence of IrradianceMap
     result : DiffuseMap
         With `StoredLobe`s.
+    table : WeightTable, optional
+        Of the profile.
     """
     precision = spec.output.precision
     lobes = tuple(
@@ -50,6 +59,7 @@ def scene_of(
         lobes,
         {tile.tile: as_stored(tile.rgb, precision) for tile in irradiance},
         {tile.tile: as_stored(tile.visibility[..., None], precision)[..., 0] for tile in irradiance},
+        table,
     )
 
 
@@ -68,8 +78,7 @@ def stand_in_of(
         How many there will be, as far as is known.
     """
     lights, maps = len(spec.lights), scene.maps
-    names = ("albedo", "normal", "roughness", "specular")
-    small: dict[str, Any] = {n: {tile: image[:1, :1] for tile, image in getattr(maps, n).items()} for n in names}
+    small: dict[str, Any] = {n: {tile: image[:1, :1] for tile, image in getattr(maps, n).items()} for n in IMAGES}
     lobe = PreviewLobe({tile: np.zeros((1, 1, 1, 3), np.float16) for tile in tiles}, (0, 0, 0), 1.0)
     return _scene(
         spec,
@@ -88,6 +97,7 @@ def _scene(
     lobes: tuple[PreviewLobe, ...],
     irradiance: Mapping[int, Texture],
     visibility: Mapping[int, Texture],
+    table: WeightTable | None = None,
 ) -> PreviewScene:
     return PreviewScene(
         scene.mesh,
@@ -100,4 +110,5 @@ def _scene(
         spec.specular,
         decisions.energy_conservation.enabled,
         separate=False,
+        table=table,
     )

@@ -18,7 +18,7 @@ from skinbake.atlas.texel_coordinates import local_uv, texel_xy
 from skinbake.baking.bake_look import bake_look
 from skinbake.baking.session import BakeSession
 from skinbake.bilinear import read_bilinear
-from skinbake.errors import ToleranceMissedError
+from skinbake.errors import InputError, ToleranceMissedError
 from skinbake.io.atomic import temporary_folder
 from skinbake.io.bake_folder import read_bake_folder
 from skinbake.io.cache import Cache
@@ -34,6 +34,7 @@ from skinbake.irradiance.oil_albedo import transmitted_share
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
 from skinbake.progress import Progress
+from skinbake.scene.maps import OF_SKIN
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import MapsSpec, SceneSpec, TexturingSpec
 from skinbake.transport.closed import refuse_open
@@ -53,7 +54,18 @@ def bare_look(spec: SceneSpec) -> SceneSpec:
     """The look that walks in a homogeneous medium can be compared with, the same one where it is so already.
 
     Without maps, of the medium's own colour, each light by itself; baked beside the look where that differs.
+
+    Raises
+    ------
+    InputError
+        Its maps vary the skin.
     """
+    varied = [f"maps.{name}" for name in OF_SKIN if getattr(spec.maps, name) is not None]
+    if varied or spec.skin.scatter < 1:
+        what = varied[0] if varied else "skin.scatter"
+        raise InputError(
+            f"truth: expected skin that is the same everywhere, got {what}: walks know one medium; leave it out"
+        )
     bare = spec.model_copy(
         update={
             "maps": MapsSpec(albedo_rgb=(1.0, 1.0, 1.0)),

@@ -108,19 +108,19 @@ def examine(spec: SceneSpec, waiting: Waiting | None = None) -> tuple[dict[str, 
     from skinbake.irradiance.decide import decide
     from skinbake.irradiance.unreached import unreached
     from skinbake.profile import fit_skin
+    from skinbake.profile.varying_skin import ranges_of
+    from skinbake.scene.maps import IMAGES
 
     scene = read_scene(spec, rays=False, waiting=waiting or unseen)
     refuse_too_large(spec, decide(spec), len(tiles_of(scene.mesh, spec.texture.udim)))
     atlas = look_atlas(spec.texture, scene.mesh)
     uv = uv_report(scene.mesh, atlas)
     path = getattr(spec.skin, "path", None)
-    gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians
+    over = ranges_of(scene.maps, spec.skin, tiles_of(scene.mesh, spec.texture.udim))
+    gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None, over=over).gaussians
     size = choose_size(spec, scene.mesh, scene.maps, gaussians)
     texel_mm = max(uv.mm_per_texel[1], 1e-12)
-    sizes = {
-        name: [list(image.shape[1::-1]) for image in getattr(scene.maps, name).values()]
-        for name in ("albedo", "normal", "roughness", "specular")
-    }
+    sizes = {name: [list(image.shape[1::-1]) for image in getattr(scene.maps, name).values()] for name in IMAGES}
     orientation = guess_orientation(scene.mesh)
     casters = len(scene.mesh.casters.faces) if scene.mesh.casters else 0
     images_mib = (sum(memory_of_images(spec).values()) + _of_materials(spec, scene)) / 2**20

@@ -217,18 +217,21 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     from skinbake.diffuse.probes import Probes, read_at_probes
     from skinbake.diffuse.resources import LobeResources
     from skinbake.diffuse.skin_geometry import SkinGeometry
+    from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.irradiance.decide import decide
     from skinbake.irradiance.light_skin import light_skin
     from skinbake.profile import fit_skin
     from skinbake.profile.skin_medium import skin_medium
+    from skinbake.profile.varying_skin import mean_skin, ranges_of
 
     scene = read_scene(spec)
     path = getattr(spec.skin, "path", None)
-    gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None).gaussians
     atlas = look_atlas(spec.texture, scene.mesh)
-    decisions, medium = decide(spec), skin_medium(spec.skin)
+    over = ranges_of(scene.maps, spec.skin, [raster.tile for raster in atlas])
+    gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None, over=over).gaussians
+    decisions, medium = decide(spec), skin_medium(mean_skin(spec.skin, over))
     irradiance = light_skin(spec, decisions, scene, atlas)
     incidence = incidence_table(medium) if medium.layers and spec.terms.incidence != "off" else None
     entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
@@ -239,8 +242,10 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     wide_mm2 = entering.beam.narrowest_mm2 if entering.beam else np.inf
     del irradiance, entering
     geometry = SkinGeometry(atlas, scene.mesh)
-    resources = LobeResources(source, geometry, spec.diffusion)
-    resources_of_wide = LobeResources(of_wide, geometry, spec.diffusion) if of_wide else resources
+    skin = VaryingSkin.of(gaussians, scene.maps, atlas)
+    share = skin.share if skin else None
+    resources = LobeResources(source, geometry, spec.diffusion, share)
+    resources_of_wide = LobeResources(of_wide, geometry, spec.diffusion, share) if of_wide else resources
     if at is None:
         probes = draw_probes(geometry, count, spec.output.seed)
         own = probes.position + geometry.centre_mm
@@ -255,7 +260,8 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
             (at.texture_mm2 / np.prod(geometry.size)).astype(np.float32),
         )
     total = np.zeros((len(probes), 3))
-    for variance, weight in zip(gaussians.variance_mm2, gaussians.weight_rgb, strict=True):
+    weights = SkinWeights.of(gaussians, scene.maps).at_probes(probes)
+    for variance, weight in zip(gaussians.variance_mm2, weights, strict=True):
         lobe = LobeParameters(float(variance))
         blurred = resources_of_wide if variance >= wide_mm2 else resources
         # Probes of another size have no texel of their own to read where there is no blur
@@ -267,19 +273,21 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
 def _stored_values(folder: Path, at: Probed, through_only: bool = False) -> Float:
     """Diffuse light at probes as a reader of the files sees it, (P, 3), summed over lights."""
     from skinbake.bilinear import read_bilinear
+    from skinbake.diffuse.skin_weights import SkinWeights
     from skinbake.io.bake_folder import read_bake_folder
 
     baked = read_bake_folder(folder, summed=True)
     scene = baked.scene
     total = np.zeros((len(at.tile), 3))
-    for lobe in scene.lobes:
+    weights = SkinWeights(np.array([lobe.weight_rgb for lobe in scene.lobes]), scene.table, scene.maps)
+    for lobe, weight in zip(scene.lobes, weights.at(at.tile, at.place), strict=True):
         if through_only and lobe.variance_mm2 is not None:
             continue
         for tile, stored in lobe.rgb.items():
             mine = at.tile == tile
             image = np.asarray(stored, np.float32)
             values = read_bilinear(image, at.place[mine]).reshape(np.count_nonzero(mine), len(image), 3)
-            total[mine] += np.asarray(lobe.weight_rgb) * values.sum(axis=1)
+            total[mine] += np.broadcast_to(weight, total.shape)[mine] * values.sum(axis=1)
     return total * _albedo_after(baked.spec, scene.maps.albedo, scene.maps.albedo_rgb, at)
 
 

@@ -19,10 +19,12 @@ from skinbake.diffuse.planning.auto import plan_auto
 from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
+from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
 from skinbake.diffuse.terms.beam import BeamLight
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.decision import Decision
+from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import DiffusionSpec
 
@@ -39,6 +41,7 @@ def diffuse(
     progress: Callable[[str], None] | None = None,
     remember: Memoize | None = None,
     beam: BeamLight | None = None,
+    skin: VaryingSkin | None = None,
 ) -> DiffuseMap:
     """Blur light by each Gaussian and measure the error of the sum.
 
@@ -64,6 +67,8 @@ def diffuse(
         Asked for what is known of a light already; the result is the same to the last bit.
     beam : BeamLight, optional
         In place of `source` for wider lobes.
+    skin : VaryingSkin, optional
+        Where it is not the same everywhere.
 
     Returns
     -------
@@ -89,33 +94,35 @@ def diffuse(
     check_memory(atlas[0].shape, len(lights), len(atlas), len(gaussians.variance_mm2), spec.method, beam is not None)
     scaled, exponents = scaled_source(tiles)
     geometry = SkinGeometry(atlas, mesh)
-    memoizer = Memoizer(LobeResources(scaled, geometry, spec), lights, remember)
+    weights = skin.weights if skin else SkinWeights.of(gaussians, SkinMaps())
+    share = skin.share if skin else None
+    memoizer = Memoizer(LobeResources(scaled, geometry, spec, share), lights, remember)
     if beam is not None:
         further = scaled_by(checked_source(beam.rgb, lights, atlas), exponents)
         memoizer = Memoizer(
-            memoizer.resources, lights, remember, LobeResources(further, geometry, spec), beam.narrowest_mm2
+            memoizer.resources, lights, remember, LobeResources(further, geometry, spec, share), beam.narrowest_mm2
         )
 
     # Plan
     if fixed is None:
         tell("planning lobes")
-        plans, decisions = plan_auto(memoizer, gaussians, seed, precision)
+        plans, decisions = plan_auto(memoizer, gaussians, weights, seed, precision)
     else:
         plans, decisions = plan_fixed(memoizer.resources, fixed, gaussians)
 
     # Make and measure
     tell("measuring points")
     probes = draw_probes(geometry, spec.probes, seed, VERIFY)
-    made = make_lobes(memoizer, plans, gaussians.weight_rgb, probes, precision, tell)
+    made = make_lobes(memoizer, plans, weights, probes, precision, tell)
 
     # Where the probes show what the plan had not seen: plan with them, and judge by others
     if fixed is None and made.error is not None and made.error.rms > spec.tolerance:
         tell("planning again")
         first = made.error.rms
         del made
-        plans, decisions = plan_auto(memoizer, gaussians, seed, precision, probes)
+        plans, decisions = plan_auto(memoizer, gaussians, weights, seed, precision, probes)
         probes = draw_probes(geometry, spec.probes, seed, VERIFY_AGAIN)
-        made = make_lobes(memoizer, plans, gaussians.weight_rgb, probes, precision, tell)
+        made = make_lobes(memoizer, plans, weights, probes, precision, tell)
         why = f"the first plan was wrong by {first:.3%} at probes that it had not seen; judged by others again"
         decisions.append(Decision("second plan", True, why))
 

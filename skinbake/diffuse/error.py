@@ -58,7 +58,7 @@ def measure_error(read: Float, unreduced: Float, exact: Float) -> MeasuredError:
 
 
 def weighted_sum(lobes: Sequence[Float], weight_rgb: Float) -> Float:
-    """M = sum_i w_i lobe_i for (P, 3 L) values and (N, 3) weights."""
+    """M = sum_i w_i lobe_i for (P, 3 L) values and weights (N, 3), or (N, P, 3) where they differ over the skin."""
     lights = lobes[0].shape[1] // 3
     total = np.zeros_like(lobes[0])
     for values, weight in zip(lobes, weight_rgb, strict=True):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, sample_map
+from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.terms.beam import (
     BeamLight,
     BeamShift,
@@ -149,7 +150,9 @@ def light_entering(
     spent = left_wrong(plan, names if decisions.separate_lights else irradiance[0].lights, 0.0)
     spent_of = {name: left_wrong(plan, (name,), 0.0) if decisions.separate_lights else spent for name in names}
     limits = [budget.terms_left(name, spent_of[name]) for name in names]
-    lines, coarseness = _bounce(spec, scene, atlas, names, light, [a * _total(gaussians) for a in albedo], gain, limits)
+    weights = SkinWeights.of(gaussians, scene.maps)
+    reflected = [a * weights.total_image(r.tile, r.shape) for a, r in zip(albedo, atlas, strict=True)]
+    lines, coarseness = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
     plan += lines
 
     area = [raster.area_mm2[..., None] for raster in atlas]

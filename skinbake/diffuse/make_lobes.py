@@ -12,6 +12,7 @@ from skinbake.diffuse.memoize import Memoizer
 from skinbake.diffuse.methods import REFERENCE, LobeParameters, LobePlan
 from skinbake.diffuse.probes import Probes, read_at_probes
 from skinbake.diffuse.resources import Resource
+from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.texture_space.blur import level_size
 from skinbake.numerics import Float
 
@@ -37,7 +38,7 @@ class MadeLobes(NamedTuple):
 def make_lobes(
     memoizer: Memoizer,
     plans: Sequence[LobePlan],
-    weight_rgb: Float,
+    weights: SkinWeights,
     probes: Probes,
     precision: str,
     tell: Callable[[str], None],
@@ -49,7 +50,7 @@ def make_lobes(
     memoizer : Memoizer
         Runs the methods.
     plans : sequence of LobePlan
-    weight_rgb : ndarray of shape (N, 3)
+    weights : SkinWeights
         Of the lobes in the sum.
     probes : Probes
         May be none.
@@ -86,6 +87,7 @@ def make_lobes(
     if not len(probes):
         return MadeLobes(tiles, None, [None] * len(plans))
     found = [[values[i] for i in range(len(plans))] for values in (read, unreduced)]
+    weight_rgb = weights.at_probes(probes)
     total = measure_error(*(weighted_sum(values, weight_rgb) for values in (*found, exact)))
     return MadeLobes(tiles, total, [measure_error(*each) for each in zip(*found, exact, strict=True)])
 

@@ -16,6 +16,7 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.surface_space.clusters import bending
 from skinbake.diffuse.surface_space.gather import SumRule, cut_sigma
 from skinbake.diffuse.surface_space.oblong import oblong_gain
+from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.diffuse.surface_space.sources import SourceTree, source_tree
 from skinbake.diffuse.surface_space.surface_light import LitTile, sums_texels, surface_light
 from skinbake.diffuse.surface_space.upsample import widest_gap
@@ -45,19 +46,23 @@ class LobeResources:
         Light that arrives, (L, H, W, 3) a tile, in the order of the atlas.
     geometry : SkinGeometry
     spec : DiffusionSpec
+    share : Tiles, optional
+        Share of each texel's light that scatters, (H, W) a tile: its weight as a source, theory.md 5.12.
     """
 
-    def __init__(self, source: Tiles, geometry: SkinGeometry, spec: DiffusionSpec) -> None:
+    def __init__(self, source: Tiles, geometry: SkinGeometry, spec: DiffusionSpec, share: Tiles | None = None) -> None:
+        self.share = share
         self.source, self.geometry, self.spec = source, geometry, spec
         self.lights = len(next(iter(source.values())))
         self.rule = SumRule(cut_sigma(spec.tolerance, spec.normalise), spec.separate, spec.normalise)
         self.texels = OnDemand(lambda: source_tree(self.lit))
-        self.pyramids = OnDemand[Tiled[TexturePyramid]](lambda: texture_pyramids(self.source, geometry.atlas))
+        self.pyramids = OnDemand[Tiled[TexturePyramid]](lambda: texture_pyramids(self.source, self._coverage))
         self._clusters: dict[tuple[float, float], SourceTree] = {}
 
     def of_lights(self, chosen: Sequence[int]) -> LobeResources:
         """Resources of some of the lights, about the same geometry."""
-        return LobeResources({tile: rgb[chosen] for tile, rgb in self.source.items()}, self.geometry, self.spec)
+        light = {tile: rgb[chosen] for tile, rgb in self.source.items()}
+        return LobeResources(light, self.geometry, self.spec, self.share)
 
     def release(self, unneeded: Collection[Resource]) -> None:
         """Free the memory of some resources; they are made again if they are asked for after all."""
@@ -73,7 +78,22 @@ class LobeResources:
     @cached_property
     def lit(self) -> Tiled[LitTile]:
         """Skin points, light and moments of each tile."""
-        return surface_light(self.source, self.geometry.points)
+        points = self.geometry.points
+        if self.share is not None:
+            points = {tile: each._replace(area_mm2=self._weighed(tile, each)) for tile, each in points.items()}
+        return surface_light(self.source, points)
+
+    def _weighed(self, tile: int, points: TexelPoints) -> NDArray[np.float32]:
+        """Areas of a tile's points, times the share that scatters."""
+        assert self.share is not None
+        return points.area_mm2 * self.share[tile].reshape(-1)[points.flat_index]
+
+    @property
+    def _coverage(self) -> Tiles:
+        """Coverage of each texel, times the share that scatters, (H, W) a tile."""
+        share = self.share or {}
+        one = np.ones((1, 1), np.float32)
+        return {raster.tile: raster.coverage * share.get(raster.tile, one) for raster in self.geometry.atlas}
 
     @cached_property
     def mean_light(self) -> list[float]:

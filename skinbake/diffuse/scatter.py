@@ -8,6 +8,8 @@ from functools import partial
 from math import sqrt
 from typing import Any
 
+import numpy as np
+
 from skinbake.atlas import Atlas
 from skinbake.diffuse.diffuse import diffuse
 from skinbake.diffuse.diffuse_map import DiffuseMap
@@ -15,17 +17,22 @@ from skinbake.diffuse.light_entering import light_entering
 from skinbake.diffuse.memoize import Memoize
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.notices import too_much
+from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.beam import free_path_of
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.irradiance.irradiance_map import IrradianceMap, decided_for
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
+from skinbake.profile.fit import MAX_GAUSSIANS
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
+from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.budget import left_wrong
-from skinbake.scene.decision import TOTAL_LIGHT, Decisions
+from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
+from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import SceneSpec
 
+WANTS_MORE = 0.03  # error of a fit from which on an eye may see it
 LIKELY_LOBES = 6  # before the profile is fitted
 
 
@@ -62,6 +69,7 @@ def scatter(
     """
     tell = say or (lambda text: None)
     tell("light that enters the skin")
+    skin = VaryingSkin.of(gaussians, scene.maps, atlas)
     entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
     diffused = diffuse(
         entering.rgb,
@@ -75,6 +83,7 @@ def scatter(
         progress=say,
         remember=partial(_as_coarse, remember, entering.coarseness) if remember else None,
         beam=entering.beam,
+        skin=skin,
     )
     mean_albedo, plan = entering.mean_albedo, entering.plan
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
@@ -100,7 +109,10 @@ def scatter(
         skin_medium(spec.skin),
         limit,
         through_by,
+        uniform_scatter(gaussians, spec.skin),
     )
+    if gaussians.table is not None:
+        plan = (table_decision(gaussians.table, int(np.count_nonzero(gaussians.variance_mm2)), spec.skin), *plan)
     plan = (*plan, *diffused.plan, line)
     left = left_wrong((*before, *plan), lights, blur)
     met = diffused.error is None or left <= budget.tolerance
@@ -125,6 +137,31 @@ def _transmitted(spec: SceneSpec, slanted: frozenset[str], name: str) -> Transmi
     if name != TOTAL_LIGHT:
         return TransmittedLight(next(light for light in spec.lights if light.name == name), name in slanted)
     return TransmittedLight(spec.lights[0] if len(spec.lights) == 1 else None, 2 * len(slanted) > len(spec.lights))
+
+
+def table_decision(table: WeightTable, count: int, skin: SkinSpec) -> Decision:
+    """The plan's line on skin that varies: what varies it, and how near its Gaussians come to every profile of it.
+
+    Parameters
+    ----------
+    table : WeightTable
+    count : int
+        Of Gaussians that have a width.
+    skin : SkinSpec
+    """
+    parts = [f"{name} {nodes[0]:.3g} to {nodes[-1]:.3g}" for name, nodes in zip(table.names, table.nodes, strict=False)]
+    if table.scatters:
+        parts.append("a share that does not scatter")
+    why = "by maps: " + ", ".join(parts)
+    if table.names:
+        where, error = table.worst
+        node = ", ".join(f"{name} {value:.3g}" for name, value in where.items())
+        why += (
+            f"; its {count} Gaussians are off by at most {error:.2%} (at {node}; {table.between_rgb.max():.2%} between)"
+        )
+        if error > (skin.fit.tolerance or WANTS_MORE):
+            why += f"; more of them come nearer: skin.fit: {{gaussians: {min(count + 2, MAX_GAUSSIANS)}}}"
+    return Decision("skin varies", True, why)
 
 
 def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int) -> None:

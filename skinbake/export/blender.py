@@ -21,6 +21,7 @@ from skinbake.io.scene_files import read_scene
 from skinbake.irradiance.oil_albedo import specular_albedo_table
 from skinbake.irradiance.oil_layer import ROUGHNESS_MIN
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.page.refuse_varying import refuse_varying
 from skinbake.preview.camera import view
 
 SCRIPT, DATA, MESH = "skin_blender.py", "skin_blender.json", "skin.obj"
@@ -36,7 +37,13 @@ def blender_names(baked: BakedSkin, folder: Path) -> list[str]:
     baked : BakedSkin
     folder : Path
         Of the bake.
+
+    Raises
+    ------
+    InputError
+        Maps vary the skin.
     """
+    refuse_varying("blender", baked.table)
     tiled = [_AFTER] if _after(baked) else []
     plain = [SCRIPT, DATA, MESH]
     if _conserves(folder):

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from skinbake.api.baked_skin import BakedSkin
 from skinbake.io.exr import Part, rgb_channels, write_parts
 from skinbake.io.irradiance import tile_path
@@ -18,14 +20,15 @@ def layer_names(baked: BakedSkin) -> list[str]:
     return [
         tile_path(Path(f"{name}.exr"), tile, baked.look.texture.udim).name
         for tile in baked.tiles
-        for name, _, _ in _layers(baked)
+        for name in [*(name for name, _, _ in _layers(baked)), *(f"weight_{lobe}" for lobe in _weighed(baked))]
     ]
 
 
 def write_layers(baked: BakedSkin, folder: Path) -> None:
     """Write `irradiance.exr`, `lobe_N.exr` and `transmission.exr`, and each light of them as `lobe_N.LIGHT.exr`.
 
-    Channels are R, G, B, one part a file, linear Rec.709, half floats; a file a tile where there are tiles.
+    Where maps vary the skin, `weight_N.exr` says what lobe N counts at each texel; light through thin parts is the
+    last one. Channels are R, G, B, one part a file, linear Rec.709, half floats; a file a tile where there are tiles.
 
     Parameters
     ----------
@@ -53,6 +56,16 @@ def write_layers(baked: BakedSkin, folder: Path) -> None:
                 }
             path = tile_path(folder / f"{name}.exr", tile, baked.look.texture.udim)
             write_parts(path, [Part("", rgb_channels(image), about)])
+        for lobe in _weighed(baked):
+            path = tile_path(folder / f"weight_{lobe}.exr", tile, baked.look.texture.udim)
+            weight = np.broadcast_to(baked.weight_image(lobe, tile), (*baked.look.texture.size[::-1], 3))
+            about = {"skinbake:quantity": "weight of the lobe of the same number, in place of one for all texels"}
+            write_parts(path, [Part("", rgb_channels(weight), about)])
+
+
+def _weighed(baked: BakedSkin) -> range:
+    """Lobes whose weights differ over the skin."""
+    return range(len(baked.weight_rgb) if baked.table is not None else 0)
 
 
 def _layers(baked: BakedSkin) -> Iterator[tuple[str, int | None, str | None]]:

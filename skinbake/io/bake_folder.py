@@ -16,11 +16,11 @@ from skinbake.io.exr import Part, channel_of, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.lobes import is_transmission
 from skinbake.io.look_maps import read_look_maps
-from skinbake.io.manifest import NAME, read_manifest, spec_of
+from skinbake.io.manifest import NAME, read_manifest, spec_of, table_of
 from skinbake.io.mesh import read_look_mesh
 from skinbake.kernels.half import as_half
 from skinbake.preview.scene import PreviewLobe, PreviewScene
-from skinbake.scene.maps import SkinMaps
+from skinbake.scene.maps import IMAGES, SkinMaps
 from skinbake.scene.spec import SceneSpec
 
 
@@ -83,6 +83,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
             spec.specular,
             bool(manifest["terms"].get("energy_conservation", False)),
             separate,
+            table_of(manifest, folder),
         )
     except ValueError as error:
         raise InputError(f"{folder}: {error}; bake it again") from error
@@ -120,7 +121,6 @@ def _layers(path: Path, parts: dict[str, Part], wanted: list[str]) -> NDArray[np
 def half_maps(maps: SkinMaps) -> SkinMaps:
     """Maps as half floats, which hold 8-bit maps well and halve what the graphics card reads."""
     halves: dict[str, Any] = {
-        name: {tile: as_half(image) for tile, image in getattr(maps, name).items()}
-        for name in ("albedo", "normal", "roughness", "specular")
+        name: {tile: as_half(image) for tile, image in getattr(maps, name).items()} for name in IMAGES
     }
     return replace(maps, **halves)

@@ -16,7 +16,8 @@ from skinbake.io.colour import decode
 from skinbake.io.image_file import StoredImage, read_stored
 from skinbake.io.image_memory import MAP_CHANNELS, image_bytes, refuse_beyond_memory
 from skinbake.io.tile_names import MARKS, name_of_tile, names_tiles, tile_files
-from skinbake.scene.maps import DetailNormals, SkinMaps
+from skinbake.scene.maps import OF_SKIN, DetailNormals, SkinMaps
+from skinbake.scene.skin import LEAST_RADIUS, MOST_RADIUS
 from skinbake.scene.spec import (
     DetailMapSpec,
     FileMapSpec,
@@ -25,6 +26,7 @@ from skinbake.scene.spec import (
     MapsSpec,
     NormalMapSpec,
     RoughnessMapSpec,
+    ScaledMapSpec,
 )
 
 Image = NDArray[np.float32]
@@ -69,6 +71,8 @@ def read_maps(
         "specular": _factor,
         "height": _heights,
         "detail": _normals,
+        "scatter": _factor,
+        "radius": _radius,
     }
 
     def read(name: str, of: FileMapSpec, tile: int, path: Path) -> Image:
@@ -104,7 +108,12 @@ def read_maps(
 
 def missing_tiles(spec: MapsSpec, tiles: Sequence[int]) -> list[str]:
     """A sentence for each map that has no file for some of the tiles: what is used instead."""
-    instead = {"albedo": "maps.albedo_rgb", "roughness": "specular.roughness", "specular": "a factor of 1"}
+    instead = {
+        "albedo": "maps.albedo_rgb",
+        "roughness": "specular.roughness",
+        "specular": "a factor of 1",
+        **{name: f"skin.{name}" for name in OF_SKIN},
+    }
     found = []
     for name, of in spec.files().items():
         lacking = sorted(set(tiles) - set(tile_files(of.path))) if names_tiles(of.path) else []
@@ -242,6 +251,22 @@ def _roughness(of: RoughnessMapSpec, path: Path, stored: StoredImage) -> Image:
 def _heights(of: HeightMapSpec, path: Path, stored: StoredImage) -> Image:
     values = _data(of, path, stored)[..., 0]
     return np.float32(of.scale_mm) * (1 - values if of.invert else values)
+
+
+def _scaled(of: ScaledMapSpec, path: Path, stored: StoredImage, low: float, high: float) -> Image:
+    """Values of a map whose white is `of.scale`, within their range."""
+    values = _data(of, path, stored)
+    values = np.float32(of.scale) * (1 - values if of.invert else values)
+    return _within(path, values, low, high)[..., 0]
+
+
+def _radius(of: ScaledMapSpec, path: Path, stored: StoredImage) -> Image:
+    try:
+        return _scaled(of, path, stored, LEAST_RADIUS, MOST_RADIUS)
+    except InputError as error:
+        raise InputError(
+            f"{error}: expected factors on the profile's width; what does not scatter is for maps.scatter"
+        ) from error
 
 
 def _data(of: MapSpec, path: Path, stored: StoredImage) -> Image:

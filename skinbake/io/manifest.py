@@ -10,10 +10,14 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
+from skinbake.errors import InputError
 from skinbake.io.atomic import write_text
 from skinbake.io.config import parse_scene
 from skinbake.io.digests import key_of
+from skinbake.io.lobes import is_transmission
 from skinbake.io.record import Record, read_record
+from skinbake.io.weight_table import KEY, table_of_record
+from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.spec import OF_FILE, SceneSpec
 
 NAME = "bake.json"
@@ -86,6 +90,7 @@ class _Manifest(Record):
     inputs: dict[str, str] = Field({})
     irradiance: list[str] = Field(["irradiance.exr"])
     lobes: list[_Entry]
+    weights_table: dict[str, Any] | None = None
     relight: _Relight | None = None
     lights: list[str] = Field([])
     terms: dict[str, Any] = Field({})
@@ -116,6 +121,21 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
         The folder has none, or it is not ours.
     """
     return read_record(Path(folder) / NAME, _Manifest, f"a bake folder with {NAME} in it")
+
+
+def table_of(manifest: Mapping[str, Any], folder: Path | str) -> WeightTable | None:
+    """Weights that differ over the skin; None where they do not.
+
+    Raises
+    ------
+    InputError
+        The table is damaged.
+    """
+    gaussians = sum(not is_transmission(lobe["method"]) for lobe in manifest["lobes"])
+    try:
+        return table_of_record(manifest[KEY], gaussians)
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise InputError(f"{Path(folder) / NAME}: {KEY}: {error}; bake it again") from error
 
 
 _OF_TRANSPORT = ("mesh", "occluders", "texture", "skin", "lights", "shadows", "diffusion", "terms")

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import FIRST_TILE
 from skinbake.compare import read_at
 from skinbake.errors import InputError, printable
+from skinbake.io.bake_weights import bake_weights
 from skinbake.io.exr import channel_of, files_of, read_parts
 from skinbake.io.figures import png_figure
 from skinbake.io.image import read_map
@@ -55,12 +57,13 @@ def diffuse_of(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Image]:
     sums: dict[str, Image] = {}
     sizes = [lobe["size"] for lobe in manifest["lobes"]]
     width, height = max(size[0] for size in sizes), max(size[1] for size in sizes)
-    for lobe in manifest["lobes"]:
-        weight = np.asarray(lobe["weight_rgb"], np.float32)
+    weights = bake_weights(manifest, folder)
+    for index, lobe in enumerate(manifest["lobes"]):
         for tile, file in lobe.get("tiles", {"": lobe["file"]}).items():
             parts = read_parts(folder / file)
             channels = [channel_of(folder / file, parts, "irradiance", c) for c in "RGB"]
             rgb = np.stack(channels, axis=-1, dtype=np.float32)
+            weight = weights.image(index, int(tile or FIRST_TILE), (height, width))
             part = weight * read_at(rgb, height, width)
             sums[tile] = sums[tile] + part if tile in sums else part
     return sums

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from skinbake.io.atomic import write_text
+from skinbake.io.weight_table import KEY, table_csv, table_of_record, table_record
 from skinbake.profile import Evaluated, FitReport, GaussianSum
 
 
@@ -58,14 +59,20 @@ def fit_record(report: FitReport) -> dict[str, Any]:
         "tolerance_met": report.tolerance_met,
         **({} if footprint == 0 else {"footprint_mm": footprint}),
         **({} if noise is None else {"noise_rgb": noise.tolist()}),
+        **({} if gaussians.table is None else {KEY: table_record(gaussians.table)}),
     }
 
 
 def fit_csv(report: FitReport) -> str:
-    """Model (R, G, B) and fit (fit_R, fit_G, fit_B) at the plot's radii, in the unit of the fit; a table skin."""
+    """Model (R, G, B) and fit (fit_R, fit_G, fit_B) at the plot's radii, in the unit of the fit; a table skin.
+
+    What maps vary follows as lines that begin with #: nodes, their errors and weights.
+    """
     curve = report.curve
     header = ["r_mm", "R", "G", "B", "fit_R", "fit_G", "fit_B"]
-    return _csv(header, np.hstack([curve.radius_mm[:, None], curve.model_rgb, curve.fit_rgb]))
+    curves = _csv(header, np.hstack([curve.radius_mm[:, None], curve.model_rgb, curve.fit_rgb]))
+    gaussians = report.gaussians
+    return curves if gaussians.table is None else curves + table_csv(gaussians.table, gaussians.variance_mm2)
 
 
 def write_fit(report: FitReport, folder: Path | str, extra: dict[str, Any] | None = None) -> list[Path]:
@@ -102,13 +109,15 @@ def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
         told = [np.array(record[name], np.float64) for name in ("relative_error_rgb", "energy_rgb")]
         if any(values.shape != (3,) or not np.isfinite(values).all() for values in told):
             return None
+        variance = np.array(record["variance_mm2"], np.float64)
         return GaussianSum(
-            np.array(record["variance_mm2"], np.float64),
+            variance,
             np.array(record["weight_rgb"], np.float64),
             told[0],
             told[1],
             str(record["model"]),
             str(record["normalise"]),
+            table_of_record(record.get(KEY), len(variance)),
         )
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None

@@ -8,9 +8,10 @@ import numpy as np
 
 from skinbake.atlas import FIRST_TILE, rasterize, sample_map, tiles_of
 from skinbake.errors import InputError
+from skinbake.io.image import filled
 from skinbake.irradiance.fine_normals import add_fine_normals
 from skinbake.irradiance.normal_map import shading_normals
-from skinbake.scene.maps import SkinMaps
+from skinbake.scene.maps import IMAGES, OF_SKIN, SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
 
@@ -41,7 +42,7 @@ def repaint(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps) -> SkinMaps:
     painted = painted_mesh(mesh)
     tiles = tiles_of(painted, spec.texture.udim)
     maps = add_fine_normals(maps, painted, spec.texture.size, tiles, spec.texture.udim)
-    if mesh.map_uv is None or not (maps.albedo or maps.normal or maps.roughness or maps.specular):
+    if mesh.map_uv is None or not any(getattr(maps, name) for name in IMAGES):
         return maps
     if mesh.map_uv.min() < -1e-6 or mesh.map_uv.max() > 1 + 1e-6:
         raise InputError(
@@ -50,10 +51,15 @@ def repaint(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps) -> SkinMaps:
         )
     (raster,) = rasterize(mesh, spec.texture.size, spec.texture.gutter)
     fields: dict[str, object] = {}
-    for name, constant in (("albedo", maps.albedo_rgb), ("roughness", 0.0), ("specular", 0.0)):
+    for name in IMAGES:
+        constant = maps.albedo_rgb if name == "albedo" else 0.0
+        if name == "normal":
+            continue
         images = getattr(maps, name)
         if images:
-            fields[name] = {FIRST_TILE: sample_map(raster, painted, images, constant)}
+            image = sample_map(raster, painted, images, constant)
+            # What varies the skin has a range: nothing that no texel shows may be in it
+            fields[name] = {FIRST_TILE: filled(image, ~raster.addressed) if name in OF_SKIN else image}
     if maps.normal:
         _, mapped = shading_normals(raster, painted, maps)
         fields |= {"normal": {FIRST_TILE: np.ascontiguousarray(mapped)}, "normal_space": "object"}

@@ -16,6 +16,7 @@ from skinbake.io.bake_folder import BakeFolder, read_bake_folder
 from skinbake.io.manifest import read_manifest
 from skinbake.irradiance.oil_albedo import specular_albedo_table
 from skinbake.page.coded_image import CodedImage, coded
+from skinbake.page.refuse_varying import refuse_varying
 from skinbake.preview import tonemap
 from skinbake.preview.camera import PORTRAIT_YFOV_DEG, VIEWS, view
 from skinbake.preview.geometry import VertexBuffers, vertex_buffers
@@ -44,9 +45,10 @@ def bake_page(folder: Path) -> tuple[str, dict[str, float]]:
     Raises
     ------
     InputError
-        A file of the bake is missing or damaged.
+        A file of the bake is missing or damaged, or maps vary its skin.
     """
     bake, manifest = read_bake_folder(folder), read_manifest(folder)
+    refuse_varying("web", bake.scene.table)
     lights = shader_lights(bake.scene.lights)
     errors: dict[str, list[float]] = {}
     tiles = [

@@ -28,7 +28,7 @@ from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_defines import SHADERS, shader_defines
 from skinbake.preview.shader_light import shader_lights
 from skinbake.preview.target import FloatTarget
-from skinbake.preview.textures import TileTextures, upload_oil_albedo
+from skinbake.preview.textures import TileTextures, table_bounds, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
 
 GBUFFER_ATTACHMENTS = 5
@@ -232,6 +232,10 @@ class SkinRenderer(Renderer):
         self._set(program, "light_axis", np.array([light.axis for light in self._shader_lights]))
         self._set(program, "light_cosines", np.array([light.cosines for light in self._shader_lights]))
         self._set(program, "light_color", colors)
+        if skin.table is not None:
+            low, wide = table_bounds(skin.table)
+            self._set(program, "table_low", low[None])
+            self._set(program, "table_range", wide[None])
         for name, value in (
             ("albedo_exponent_after", 1 - skin.texturing.exponent_before),
             ("normal_strength", skin.maps.normal_strength),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -50,6 +51,8 @@ class PreviewScene:
         Unshadowed share of each light.
     maps : SkinMaps
     texturing, specular : as in the look
+    table : WeightTable, optional
+        Weights of the lobes where maps vary the skin; those of the lobes themselves are then a mean.
     energy_conservation : bool
         Whether the irradiance lost what the oil reflects; the way out then loses it as well, theory.md 7.1.
     separate : bool
@@ -66,6 +69,7 @@ class PreviewScene:
     specular: SpecularSpec = field(default_factory=SpecularSpec)
     energy_conservation: bool = False
     separate: bool = True
+    table: WeightTable | None = None
 
     def __post_init__(self) -> None:
         textures = [(f"lobe {i}", lobe.rgb, 4) for i, lobe in enumerate(self.lobes)]
@@ -78,6 +82,13 @@ class PreviewScene:
                     raise ValueError(f"{name}, tile {tile}: expected shape {form}, got {texture.shape}")
         if not self.lobes or not self.lights:
             raise ValueError("PreviewScene: expected at least one lobe and one light")
+        if self.table is not None and self.table.weight_rgb.shape[2] != self.gaussians:
+            raise ValueError(f"PreviewScene: expected a table of {self.gaussians} weights")
+
+    @property
+    def gaussians(self) -> int:
+        """How many of the lobes, the first ones, are a Gaussian's blur."""
+        return sum(lobe.variance_mm2 is not None for lobe in self.lobes)
 
     @property
     def tiles(self) -> tuple[int, ...]:

@@ -41,6 +41,7 @@ SWITCHES = (
     "ENERGY_CONSERVATION",
     "HAS_ENVIRONMENT",
     "NEEDS_OIL_ALBEDO",
+    "SKIN_TABLE",
 )
 
 
@@ -67,7 +68,9 @@ def shader_defines(
     """
     lobes = range(len(scene.lobes))
     shown = [mode.lobe] if mode.name == "lobe" else lobes
-    terms = [f"lobe_weight[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
+    varies = scene.table is not None and mode.diffuse and mode.name != "lobe"
+    weight = "weight" if varies else "lobe_weight"
+    terms = [f"{weight}[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
     conserving = scene.energy_conservation and mode.name != "lobe"
     mirrored = any(light.kind == ENVIRONMENT for light in lights) and mode.specular
     on = {
@@ -81,12 +84,14 @@ def shader_defines(
         "ENERGY_CONSERVATION": conserving,
         "HAS_ENVIRONMENT": mirrored,
         "NEEDS_OIL_ALBEDO": conserving or mirrored,
+        "SKIN_TABLE": varies,
     }
     return (
         {
             "DECLARE_LOBES": "".join(f"uniform sampler2DArray lobe_{i};\n" for i in lobes),
             "SUM_OF_LOBES": " + ".join(terms),
             "N_LOBES": str(len(scene.lobes)),
+            "N_GAUSSIANS": str(scene.gaussians),
             "N_LAYERS": str(layers),
             "N_LIGHTS": str(len(lights)),
             "TILE_NUMBER": f"{tile}.0",

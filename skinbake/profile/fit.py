@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
 import numpy as np
 
 from skinbake.errors import InputError
 from skinbake.numerics import Float, safe_div
 from skinbake.profile.diffusion_profile import DiffusionProfile
 from skinbake.profile.fit_report import FitReport
-from skinbake.profile.from_skin import profile_of
+from skinbake.profile.fit_table import TableFitter, with_identity
+from skinbake.profile.from_skin import given_gaussians, profile_of
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.profile.models import GaussianProfile
+from skinbake.profile.scaled import scaled_gaussians
 from skinbake.profile.variable_projection import Fitter, Projection
+from skinbake.profile.varying_skin import Range, mean_skin
 from skinbake.scene.skin import FitSpec, GaussiansSkin, SkinSpec
 
 MAX_GAUSSIANS = 12
@@ -19,7 +25,11 @@ CHANNELS = ("red", "green", "blue")
 
 
 def fit_skin(
-    skin: SkinSpec, table: tuple[Float, Float] | None = None, photons: int | None = None, seed: int | None = None
+    skin: SkinSpec,
+    table: tuple[Float, Float] | None = None,
+    photons: int | None = None,
+    seed: int | None = None,
+    over: Mapping[str, Range] | None = None,
 ) -> FitReport:
     """Gaussians for a skin, with the profile that they stand for. Given ones pass unchanged unless `fit` is asked for.
 
@@ -28,22 +38,84 @@ def fit_skin(
     skin : SkinSpec
     table, photons, seed
         As `profile_of`.
+    over : mapping of str to Range, optional
+        What maps vary, and between which values: the Gaussians are then shared by all of these skins, and have a
+        `WeightTable`.
 
     Raises
     ------
     InputError
         If the profile is dark: in any channel where it is to be normalised to white, else in all of them.
     """
+    over = over or {}
+    mean = mean_skin(skin, over)
+    varied = {name: each for name, each in over.items() if each.low < each.high}
+    profiles = {name: each for name, each in varied.items() if name != "scatter"}
+    if profiles:
+        constants = {name: float(getattr(skin, name)) for name in (*profiles, "scatter")}
+        report = _over_range(mean, profiles, constants, lambda each: profile_of(each, table, photons, seed))
+    else:
+        report = _of_one(mean, table, photons, seed)
+    if mean.scatter == 1 and "scatter" not in varied:
+        return report
+    gaussians = with_identity(report.gaussians, mean.scatter, "scatter" in varied)
+    if gaussians.table is not None and not profiles:
+        gaussians = replace(gaussians, table=replace(gaussians.table, constants={"scatter": float(skin.scatter)}))
+    return replace(report, gaussians=gaussians, scattered=mean.scatter)
+
+
+def _of_one(skin: SkinSpec, table: tuple[Float, Float] | None, photons: int | None, seed: int | None) -> FitReport:
+    """The fit of a skin that is the same everywhere.
+
+    Parameters
+    ----------
+    skin, table, photons, seed
+        As `fit_skin`.
+    """
     profile = profile_of(skin, table, photons, seed)
     if isinstance(skin, GaussiansSkin) and "fit" not in skin.model_fields_set:
-        assert isinstance(profile, GaussianProfile)
-        given = profile.gaussians
+        given = scaled_gaussians(given_gaussians(skin), skin.radius)
         weight = _normalised(given.weight_rgb, given.energy_rgb, skin.normalise)
         gaussians = GaussianSum(
             given.variance_mm2, weight, np.zeros(3), given.energy_rgb, profile.model, skin.normalise
         )
         return FitReport(gaussians, profile)
     return fit_report(profile, skin.fit, skin.normalise)
+
+
+def _over_range(
+    mean: SkinSpec,
+    over: Mapping[str, Range],
+    constants: Mapping[str, float],
+    profile_of: Callable[[SkinSpec], DiffusionProfile],
+) -> FitReport:
+    """Gaussians that skins of a range share, with their table of weights.
+
+    Parameters
+    ----------
+    mean : SkinSpec
+    over : mapping of str to Range
+    constants : mapping of str to float
+        As of a `WeightTable`.
+    profile_of : callable
+        The profile of a skin.
+    """
+    profile, fit = profile_of(mean), mean.fit
+    try:
+        fitter = TableFitter(mean, over, profile_of)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    counts = [fit.gaussians or 6] if fit.tolerance is None else range(1, MAX_GAUSSIANS + 1)
+    for count in counts:
+        variance = fitter.variances(count)
+        table = fitter.table(variance, constants)
+        worst = table.error_rgb.max(axis=(0, 1))
+        met = fit.tolerance is None or bool(worst.max() <= fit.tolerance)
+        if met:
+            break
+    weight = table.at({name: each.mean for name, each in over.items()})[:, 0]
+    gaussians = GaussianSum(variance, weight, worst, profile.total_reflectance, profile.model, mean.normalise, table)
+    return FitReport(gaussians, profile, fit.tolerance, met)
 
 
 def fit_gaussians(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white") -> GaussianSum:

@@ -35,12 +35,15 @@ class FitReport:
     tolerance : float or None
         What was asked of the worst channel, if anything was.
     tolerance_met : bool
+    scattered : float
+        Share of the light that the profile is about; the rest leaves where it arrives.
     """
 
     gaussians: GaussianSum
     profile: DiffusionProfile
     tolerance: float | None = None
     tolerance_met: bool = True
+    scattered: float = 1.0
 
     @property
     def relative_error_rgb(self) -> Float:
@@ -61,7 +64,7 @@ class FitReport:
     @property
     def scale_rgb(self) -> Float:
         """Factor from the model's R(r) to the unit of the fit, shape (3,)."""
-        return safe_div(1, self.energy_rgb) if self.gaussians.normalise == "white" else np.ones(3)
+        return self.scattered * (safe_div(1, self.energy_rgb) if self.gaussians.normalise == "white" else np.ones(3))
 
     @property
     def condition_number(self) -> float:

@@ -15,6 +15,7 @@ from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
 from skinbake.profile.models import BetterDipoleProfile, BurleyProfile, DipoleProfile, GaussianProfile, LayeredProfile
+from skinbake.profile.scaled import scaled_profile
 from skinbake.scene.skin import (
     BurleySkin,
     DipoleSkin,
@@ -31,7 +32,7 @@ from skinbake.scene.skin import (
 def profile_of(
     skin: SkinSpec, table: tuple[Float, Float] | None = None, photons: int | None = None, seed: int | None = None
 ) -> DiffusionProfile:
-    """Scattering model that a skin names.
+    """Scattering model that a skin names, `skin.radius` times as wide.
 
     Parameters
     ----------
@@ -45,6 +46,19 @@ def profile_of(
     ------
     InputError
         If a `table` model comes without its table.
+    """
+    return scaled_profile(_unscaled(skin, table, photons, seed), skin.radius)
+
+
+def _unscaled(
+    skin: SkinSpec, table: tuple[Float, Float] | None, photons: int | None, seed: int | None
+) -> DiffusionProfile:
+    """The model of radius 1.
+
+    Parameters
+    ----------
+    skin, table, photons, seed
+        As `profile_of`.
     """
     if isinstance(skin, DipoleSkin):
         medium = Medium(np.array(skin.sigma_a_per_mm), np.array(skin.sigma_sp_per_mm))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinbake.numerics import Float, gaussian_2d
+from skinbake.profile.weight_table import WeightTable
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,8 @@ class GaussianSum:
         Total diffuse reflectance of the model before any normalisation.
     model, normalise : str
         Where the profile came from ("dipole", "gaussians", ...) and "white" or "none".
+    table : WeightTable, optional
+        Weights that differ over the skin; `weight_rgb` is then that of the maps' mean values.
     """
 
     variance_mm2: Float
@@ -34,6 +37,7 @@ class GaussianSum:
     energy_rgb: Float
     model: str = "gaussians"
     normalise: str = "white"
+    table: WeightTable | None = None
 
     def __post_init__(self) -> None:
         n = len(self.variance_mm2)

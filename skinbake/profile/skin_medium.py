@@ -59,7 +59,21 @@ class SkinMedium:
 
 
 def skin_medium(skin: SkinSpec) -> SkinMedium:
-    """Layers that a skin's model is about, or why it has none."""
+    """Layers that a skin's model is about, all lengths times `skin.radius`; or why it has none."""
+    medium = _unscaled_medium(skin)
+    if skin.radius == 1:
+        return medium
+    return replace(medium, layers=tuple(_widened(layer, skin.radius) for layer in medium.layers))
+
+
+def _widened(layer: Layer, factor: float) -> Layer:
+    """A layer in which every path is `factor` times as long."""
+    medium = Medium(layer.medium.sigma_a_per_mm / factor, layer.medium.sigma_sp_per_mm / factor)
+    return replace(layer, medium=medium, thickness_mm=layer.thickness_mm * factor)
+
+
+def _unscaled_medium(skin: SkinSpec) -> SkinMedium:
+    """Layers of a skin of radius 1."""
     if isinstance(skin, DipoleSkin):
         medium = Medium(np.array(skin.sigma_a_per_mm), np.array(skin.sigma_sp_per_mm))
         return SkinMedium((Layer(medium, np.inf, skin.eta),))

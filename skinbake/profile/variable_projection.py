@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -86,40 +86,7 @@ class Fitter:
         ValueError
             If `count` is below 1.
         """
-        from scipy.optimize import least_squares
-
-        if count < 1:
-            raise ValueError(f"gaussians: expected at least 1, got {count}")
-        # Unknowns are the first ln v and the gaps, so that the order and the least ratio are plain bounds
-        cumulate = np.tril(np.ones((count, count)))
-        lower = np.full(count, self.min_log_ratio)
-        lower[0] = self.log_range[0]
-        upper = np.full(count, np.inf)
-        upper[0] = self.log_range[1]
-
-        def search(x: Float, evaluations: int) -> Float:
-            found = least_squares(
-                lambda x: self._residual(cumulate @ x),
-                np.clip(x, lower + 1e-6, upper - 1e-6),
-                jac=lambda x: self._jacobian(cumulate @ x) @ cumulate,
-                bounds=(lower, upper),
-                ftol=1e-9,
-                xtol=1e-8,
-                gtol=1e-10,
-                max_nfev=evaluations,
-            )
-            return np.asarray(found.x)
-
-        def squared_error(x: Float) -> float:
-            error = self.project(np.exp(cumulate @ x)).error
-            return float(error @ error)
-
-        # A short look from every start, then the better ones to the end
-        log_starts = [np.log(np.sort(start)) for start in (*starts, *self._starts(count))]
-        looks = [search(np.diff(log_v, prepend=0.0), SHORT_LOOK) for log_v in log_starts]
-        best = sorted(looks, key=squared_error)[:FINALISTS]
-        ends = [search(x, 60) for x in best]
-        return self.project(np.exp(cumulate @ min(ends, key=squared_error)))
+        return self.project(best_variances([self], count, [*starts, *self._starts(count)]))
 
     def project(self, variance_mm2: Float) -> Projection:
         """Best weights for variances of shape (K,), mm^2."""
@@ -192,10 +159,84 @@ class Fitter:
         return log_v, shares / shares[-1].clip(1e-300)
 
     def _starts(self, count: int) -> list[Float]:
-        """Starting variances, (count,) each: from the dense fit, and spread geometrically over the light."""
+        """Starting variances, (count,) each: from the dense fit, and spread geometrically over the light.
+
+        Raises
+        ------
+        ValueError
+            If `count` is below 1.
+        """
+        if count < 1:
+            raise ValueError(f"gaussians: expected at least 1, got {count}")
         log_v, importances = self._dense
         starts = [np.exp(merged(log_v, importance, count)) for importance in importances]
         for low, high in STARTS if count > 1 else ((0.3, 0.3), (0.7, 0.7)):
             first, last = self._log_variance_at(low)[0], self._log_variance_at(high)[1]
             starts.append(np.exp(np.linspace(first, max(last, first + (count - 1) * self.min_log_ratio), count)))
         return starts
+
+
+def shared_variances(fitters: Sequence[Fitter], count: int) -> Float:
+    """The `count` variances, mm^2, that suit several profiles together: each has weights of its own.
+
+    Parameters
+    ----------
+    fitters : sequence of Fitter
+        One a profile, all with the same options.
+    count : int
+    """
+    middle = fitters[len(fitters) // 2]
+    log_v, importances = middle._dense
+    starts = [np.exp(merged(log_v, importance, count)) for importance in importances]
+    for low, high in (STARTS[0], STARTS[-1]) if count > 1 else ((0.5, 0.5),):
+        first = min(fitter._log_variance_at(low)[0] for fitter in fitters)
+        last = max(fitter._log_variance_at(high)[1] for fitter in fitters)
+        starts.append(np.exp(np.linspace(first, max(last, first + (count - 1) * middle.min_log_ratio), count)))
+    # One profile's optimum is sharp, that of many is not: the best start is enough
+    return best_variances(fitters, count, starts, finalists=1)
+
+
+def best_variances(fitters: Sequence[Fitter], count: int, starts: Iterable[Float], finalists: int = FINALISTS) -> Float:
+    """Variances, mm^2, (count,), with the least sum of squared errors over all profiles, channel by channel.
+
+    Parameters
+    ----------
+    fitters : sequence of Fitter
+    count : int
+    starts : iterable of ndarrays of shape (count,)
+        Variances to begin from.
+    finalists : int
+        How many of the starts are followed to the end, after a short look from all.
+    """
+    from scipy.optimize import least_squares
+
+    # Unknowns are the first ln v and the gaps, so that the order and the least ratio are plain bounds
+    cumulate = np.tril(np.ones((count, count)))
+    lower = np.full(count, fitters[0].min_log_ratio)
+    lower[0] = min(fitter.log_range[0] for fitter in fitters)
+    upper = np.full(count, np.inf)
+    upper[0] = max(fitter.log_range[1] for fitter in fitters)
+
+    def search(x: Float, evaluations: int) -> Float:
+        found = least_squares(
+            lambda x: np.concatenate([fitter._residual(cumulate @ x) for fitter in fitters]),
+            np.clip(x, lower + 1e-6, upper - 1e-6),
+            jac=lambda x: np.concatenate([fitter._jacobian(cumulate @ x) for fitter in fitters]) @ cumulate,
+            bounds=(lower, upper),
+            ftol=1e-9,
+            xtol=1e-8,
+            gtol=1e-10,
+            max_nfev=evaluations,
+        )
+        return np.asarray(found.x)
+
+    def squared_error(x: Float) -> float:
+        errors = [fitter.project(np.exp(cumulate @ x)).error for fitter in fitters]
+        return float(sum(error @ error for error in errors))
+
+    # A short look from every start, then the better ones to the end
+    log_starts = [np.log(np.sort(start)) for start in starts]
+    looks = [search(np.diff(log_v, prepend=0.0), SHORT_LOOK) for log_v in log_starts]
+    best = sorted(looks, key=squared_error)[:finalists]
+    ends = [search(x, 60) for x in best]
+    return np.exp(cumulate @ min(ends, key=squared_error))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, Tiles, interpolate
 from skinbake.diffuse.scatter import scatter
+from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.irradiance.light_texels import light_texels
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.numerics import Float
@@ -73,7 +74,9 @@ def baked_lights(bake: DirectBake, lights: Sequence[UnseenLight]) -> Tiles:
         decisions.energy_conservation.enabled, environments, spec.output.seed, LIT_WITHIN, scene.occluder,
     )  # fmt: skip
     made = scatter(spec, decisions, scene, bake.atlas, irradiance, bake.gaussians, bake.medium, bake.incidence)
-    return {raster.tile: summed_lobes(made.lobes, raster.tile, raster.shape) for raster in bake.atlas}
+    alone = np.array([lobe.weight_rgb for lobe in made.lobes])
+    weights = SkinWeights(alone, bake.gaussians.table, scene.maps)
+    return {raster.tile: summed_lobes(made.lobes, weights, raster.tile, raster.shape) for raster in bake.atlas}
 
 
 def judge_basis(

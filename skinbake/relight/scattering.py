@@ -19,6 +19,7 @@ from skinbake.diffuse.planning.auto import plan_auto
 from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
+from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.interreflection import (
     SkinView,
     add_at_full_size,
@@ -82,6 +83,8 @@ class Scattering:
         self._again = entering_again(spec, decisions, slant)
         self._albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
         self._geometry = SkinGeometry(atlas, scene.mesh)
+        skin = VaryingSkin.of(gaussians, scene.maps, atlas)
+        self._weights, self._share = SkinWeights.of(gaussians, scene.maps), skin.share if skin else None
         self._no_probes = draw_probes(self._geometry, 0, 0)
         self._plans: tuple[LobePlan, ...] | None = None
         self._view: SkinView | None = None
@@ -106,7 +109,8 @@ class Scattering:
         diffused = self._diffused(light)
         through = self._transmitted(diffused, first)
         lobes = (*diffused.lobes, through) if through else diffused.lobes
-        return {raster.tile: summed_lobes(lobes, raster.tile, raster.shape) for raster in self._atlas}
+        weights = SkinWeights(np.array([lobe.weight_rgb for lobe in lobes]), self._weights.table, self._scene.maps)
+        return {raster.tile: summed_lobes(lobes, weights, raster.tile, raster.shape) for raster in self._atlas}
 
     def _decide_bounces(self, light: Tiles) -> None:
         """Look around where skin lights skin by more than the tolerance."""
@@ -133,8 +137,8 @@ class Scattering:
 
     def _reflected(self) -> list[Image]:
         """What of irradiance leaves as M, by tile."""
-        total = self._gaussians.weight_rgb.sum(axis=0).astype(np.float32)
-        return [albedo * total for albedo in self._albedo]
+        total = [self._weights.total_image(raster.tile, raster.shape) for raster in self._atlas]
+        return [albedo * each for albedo, each in zip(self._albedo, total, strict=True)]
 
     def _bounce(self, light: Tiles) -> None:
         """Add what skin sends on to skin."""
@@ -152,15 +156,15 @@ class Scattering:
         """Every lobe by the plan, which is made where there is none."""
         spec, gaussians = self._budget.of_blur(self._spec.diffusion), self._gaussians
         names = tuple(f"basis.{k}" for k in range(len(next(iter(light.values())))))
-        memoizer = Memoizer(LobeResources(light, self._geometry, spec), names)
+        memoizer = Memoizer(LobeResources(light, self._geometry, spec, self._share), names)
         seed, precision = self._spec.output.seed, self._spec.output.precision
         if self._plans is None:
             fixed = method_asked_for(spec.method, spec.normalise)
             if fixed is None:
-                self._plans = plan_auto(memoizer, gaussians, seed, precision)[0]
+                self._plans = plan_auto(memoizer, gaussians, self._weights, seed, precision)[0]
             else:
                 self._plans = plan_fixed(memoizer.resources, fixed, gaussians)[0]
-        made = make_lobes(memoizer, self._plans, gaussians.weight_rgb, self._no_probes, precision, self._say)
+        made = make_lobes(memoizer, self._plans, self._weights, self._no_probes, precision, self._say)
         lobes = [
             Lobe(plan.parameters.variance_mm2, (float(w[0]), float(w[1]), float(w[2])), plan.method.name, tiles)
             for plan, w, tiles in zip(self._plans, gaussians.weight_rgb, made.tiles, strict=True)
@@ -177,6 +181,7 @@ class Scattering:
         lobe, line = transmit(
             diffused, self._scene.mesh, self._gaussians, texture.size, texture.gutter, texture.udim,
             total / sum(map(np.sum, area)), self._through, spec.diffusion.tolerance, self._scene.occluder, self._medium,
+            scatter=uniform_scatter(self._gaussians, spec.skin),
         )  # fmt: skip
         if first:
             self.lines.append(Decision("relight.transmission", line.enabled, line.why))
@@ -184,20 +189,23 @@ class Scattering:
         return lobe
 
 
-def summed_lobes(lobes: tuple[Lobe, ...], tile: int, shape: tuple[int, int]) -> Image:
+def summed_lobes(lobes: tuple[Lobe, ...], weights: SkinWeights, tile: int, shape: tuple[int, int]) -> Image:
     """Weighted sum of lobes, each read bilinearly at the full size, (L, H, W, 3).
 
     Parameters
     ----------
     lobes : tuple of Lobe
+    weights : SkinWeights
+        Of these lobes.
     tile : int
     shape : (H, W)
     """
+    weight = [weights.image(i, tile, shape) for i in range(len(lobes))]
     out = np.zeros((len(lobes[0].rgb[tile]), *shape, 3), np.float32)
 
     def add(k: int) -> None:
-        for lobe in lobes:
-            out[k] += np.asarray(lobe.weight_rgb, np.float32) * magnify_bilinear(lobe.rgb[tile][k], shape)
+        for each, lobe in zip(weight, lobes, strict=True):
+            out[k] += each * magnify_bilinear(lobe.rgb[tile][k], shape)
 
     on_threads(add, len(out))
     return out

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Image = NDArray[np.float32]
+OF_SKIN = ("radius", "scatter")  # fields that vary how the skin scatters, named as keys of `skin`
+IMAGES = ("albedo", "normal", "roughness", "specular", *OF_SKIN)  # fields that hold an image a tile
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class SkinMaps:
     height_mm : dict of int to ndarray of shape (h, w)
         Outwards; `add_fine_normals` puts what it and `detail` tilt into `normal`.
     detail : DetailNormals, optional
+    scatter, radius : dict of int to ndarray of shape (h, w)
+        Share of the light that scatters, and factor on the width of the profile.
     """
 
     albedo: dict[int, Image] = field(default_factory=dict)
@@ -62,3 +66,5 @@ class SkinMaps:
     specular: dict[int, Image] = field(default_factory=dict)
     height_mm: dict[int, Image] = field(default_factory=dict)
     detail: DetailNormals | None = None
+    scatter: dict[int, Image] = field(default_factory=dict)
+    radius: dict[int, Image] = field(default_factory=dict)

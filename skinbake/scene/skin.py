@@ -12,6 +12,8 @@ from skinbake.scene.strict import Also, Fraction, NonNegative, Positive, Rgb, St
 Eta = Annotated[float, Field(ge=1, le=3)]  # beyond 3 the published polynomial of F_dr runs off
 Cosine = Annotated[float, Field(ge=0, lt=1)]
 Thickness = Annotated[float, Field(ge=0, allow_inf_nan=True)]
+LEAST_RADIUS, MOST_RADIUS = 0.05, 20.0  # factors on a profile's width: beyond, another skin is meant
+MOST_MELANIN, MOST_HAEMOGLOBIN = 0.5, 0.1  # volume fractions that the model is about
 
 
 def _one_for_all(value: Any) -> Any:
@@ -60,6 +62,10 @@ class _Skin(Strict):
     """`white`: the weights add up to 1 and colour comes from the albedo alone; `none`: colour is that of the medium."""
     fit: FitSpec = FitSpec(gaussians=6)
     """How Gaussians are fitted to the profile."""
+    radius: Annotated[float, Field(ge=LEAST_RADIUS, le=MOST_RADIUS)] = 1.0
+    """Factor on the width of the profile, where `maps.radius` has no map."""
+    scatter: Fraction = 1.0
+    """Share of the light that scatters, where `maps.scatter` has no map; the rest leaves where it arrives."""
 
 
 class LayerSpec(Strict):
@@ -184,11 +190,11 @@ class PhysiologySkin(_Skin):
 
     model: Literal["physiology"]
     """What skin is made of [Donner2006]."""
-    melanin: Annotated[float, Field(ge=0, le=0.5)]
+    melanin: Annotated[float, Field(ge=0, le=MOST_MELANIN)]
     """Volume fraction of melanin in the epidermis."""
     eumelanin: Fraction = 0.7
     """Brown share of the melanin; the rest is red."""
-    haemoglobin: Annotated[float, Field(ge=0, le=0.1)] = 0.005
+    haemoglobin: Annotated[float, Field(ge=0, le=MOST_HAEMOGLOBIN)] = 0.005
     """Volume fraction of blood in the dermis."""
     oxygenation: Fraction = 0.75
     """Share of the haemoglobin that carries oxygen."""

@@ -128,6 +128,13 @@ class RoughnessMapSpec(MapSpec):
     """`beckmann`: m; `ggx`: the roughness r of glTF and of painting programs, m = r^2."""
 
 
+class ScaledMapSpec(MapSpec):
+    """A map of a quantity that may pass 1, or that uses little of it: `scale` is what white stands for."""
+
+    scale: Positive = 1.0
+    """What white stands for; with `invert`, what black does."""
+
+
 class HeightMapSpec(MapSpec):
     """Heights of pores and wrinkles outwards, from 0 to `scale_mm`."""
 
@@ -178,6 +185,7 @@ def _path_as_map(value: Any) -> Any:
 Map = Annotated[MapSpec, BeforeValidator(_path_as_map), Also("string")]
 NormalMap = Annotated[NormalMapSpec, BeforeValidator(_path_as_map), Also("string")]
 RoughnessMap = Annotated[RoughnessMapSpec, BeforeValidator(_path_as_map), Also("string")]
+ScaledMap = Annotated[ScaledMapSpec, BeforeValidator(_path_as_map), Also("string")]
 HeightMap = Annotated[HeightMapSpec, BeforeValidator(_path_as_map)]
 DetailMap = Annotated[DetailMapSpec, BeforeValidator(_path_as_map)]
 SKIN_RGB = (0.57, 0.34, 0.25)  # linear Rec.709, of light skin: sRGB 198 157 137
@@ -218,6 +226,10 @@ class MapsSpec(Strict):
     """Heights of pores and wrinkles, which tilt the normals."""
     detail: DetailMap | None = None
     """Normals of a small patch of pores that is repeated."""
+    scatter: Map | None = None
+    """Share of the light that scatters: 1 in skin, 0 where it leaves where it arrives, as of nails and make-up."""
+    radius: ScaledMap | None = None
+    """Factor on the width of the profile, in place of `skin.radius`."""
 
     @model_validator(mode="after")
     def _one_albedo(self) -> MapsSpec:
@@ -472,6 +484,13 @@ class SceneSpec(Strict):
         if self.maps.albedo_rgb is None:
             colour = SKIN_RGB if self.skin.normalise == "white" else (1.0, 1.0, 1.0)
             object.__setattr__(self, "maps", self.maps.model_copy(update={"albedo_rgb": colour}))
+        return self
+
+    @model_validator(mode="after")
+    def _scatter_needs_a_norm(self) -> SceneSpec:
+        """Sources that weigh less are told apart from places without skin by the sum of weights alone."""
+        if self.maps.scatter is not None and not self.diffusion.normalise:
+            raise ValueError("expected diffusion.normalise: true beside maps.scatter, got false")
         return self
 
     @model_validator(mode="after")

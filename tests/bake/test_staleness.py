@@ -42,6 +42,8 @@ NO_BYTES = {
     "maps.specular.path": "as mesh.path",
     "maps.height.path": "as mesh.path",
     "maps.detail.path": "as mesh.path",
+    "maps.scatter.path": "as mesh.path",
+    "maps.radius.path": "as mesh.path",
     "skin[table].path": "as mesh.path",
     "lights[environment].path": "as mesh.path",
     "output.dir": "where it is written",
@@ -99,6 +101,8 @@ BASES = {
             "specular": {"path": "rough.exr", "channel": "g", "layer": "one"},
             "height": {"path": "rough.exr", "channel": "b", "scale_mm": 1.0, "layer": "one"},
             "detail": {"path": "normal.exr", "repeat": 2, "layer": "one"},
+            "scatter": {"path": "rough.exr", "channel": "g", "layer": "one"},
+            "radius": {"path": "rough.exr", "channel": "r", "layer": "one", "scale": 2.0},
         },
         terms=PLAIN["terms"] | {"energy_conservation": "on"},
     ),
@@ -154,6 +158,7 @@ CHANGES = {
         | of("roughness", kind="ggx", **SCALAR) | of("specular", **SCALAR)
         | of("height", scale_mm=2.0, **(SCALAR | {"channel": "r"}))
         | of("detail", green="directx", encoding="unsigned", strength=0.5, repeat=3, **COLOUR)
+        | of("scatter", **SCALAR) | of("radius", scale=1.5, **SCALAR)
         | {"specular.f0": 0.04, "specular.roughness": 0.5, "specular.strength": 0.2, "mesh.skin": ["Skin", "Lash"],
            "mesh.cast": [], "mesh.ignore": [], "terms.energy_conservation": "off", "shadows": False},
         {"maps.normal.space": "object", "maps.height": None, "maps.detail": None},
@@ -196,7 +201,8 @@ CHANGES = {
         {"diffusion.normalise": False, "diffusion.method": "surface", "terms.interreflection": "off"},
         {"texturing.mix": 0.3, "texturing.mode": "mix"},
     ],
-    "dipole": [FIT | {"skin.sigma_a_per_mm": [0.2, 0.2, 0.3], "skin.sigma_sp_per_mm": [3, 3, 4], "skin.eta": 1.2,
+    "dipole": [FIT | {"skin.radius": 0.7, "skin.scatter": 0.8} | {
+                      "skin.sigma_a_per_mm": [0.2, 0.2, 0.3], "skin.sigma_sp_per_mm": [3, 3, 4], "skin.eta": 1.2,
                       "skin.variant": "better", "skin.boundary": "exact"}, *TOLERANT],
     "burley": [{"skin.d_mm": [1.0, 0.4, 0.3]}],
     "burley path": [{"skin.mean_free_path_mm": [1.0, 0.4, 0.3], "skin.mean_free_path": "surface",
@@ -322,10 +328,10 @@ def quick_writing(monkeypatch):
     """
     fits = {}
 
-    def fit_once(skin, table):
-        key = skin.model_dump_json(), repr(table), "fit" in skin.model_fields_set
+    def fit_once(skin, table, over):
+        key = skin.model_dump_json(), repr(table), "fit" in skin.model_fields_set, repr(over)
         if key not in fits:
-            fits[key] = fit_skin(skin, table)
+            fits[key] = fit_skin(skin, table, over=over)
         return fits[key]
 
     monkeypatch.setattr("skinbake.baking.stages.profile.fit_skin", fit_once)
@@ -402,7 +408,7 @@ def test_where_files_lie_and_what_is_only_refused_changes_nothing(tmp_path):
         write_files(folder)
     bakes = Bakes(tmp_path, "head")
     before = bakes("old")
-    roles = ("albedo", "normal", "roughness", "specular", "height", "detail")
+    roles = ("albedo", "normal", "roughness", "specular", "height", "detail", "scatter", "radius")
     moved = {f"maps.{role}.path": f"moved/{BASES['head']['maps'][role]['path']}" for role in roles}
     assert not changed_files(before, bakes("new", moved | {"mesh.path": "moved/head.obj"}))
     for base, change in (

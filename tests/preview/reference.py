@@ -62,12 +62,15 @@ def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
     if mode.diffuse:
         if mode.name == "none":
             exitance = sum(g * bilinear(scene.irradiance[tile][i], uv) for i, g in enumerate(gains))
-            exitance = exitance * scene.total_weight_rgb * albedo
+            total = scene.total_weight_rgb
+            if scene.table is not None:
+                total = scene.table.total(_quantities(scene, tile, uv))
+            exitance = exitance * total * albedo
         else:
             lobes = (
                 [(scene.lobes[mode.lobe], 1.0)]
                 if mode.name == "lobe"
-                else [(x, np.array(x.weight_rgb)) for x in scene.lobes]
+                else list(zip(scene.lobes, _weights(scene, tile, uv), strict=True))
             )
             used = gains if scene.separate else np.ones((1, 3))
             exitance = sum(w * g * bilinear(x.rgb[tile][i], uv) for x, w in lobes for i, g in enumerate(used))
@@ -91,6 +94,22 @@ def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
                 f = kelemen_brdf(n, to_light, v, np.clip(m, 1e-4, 1), spec.f0, rho_s)
                 color += gains[i] * arriving * (f * np.maximum(cos, 0) * seen * soft)[:, None]
     return color
+
+
+def _quantities(scene, tile, uv):
+    """What the table's maps hold, those that the tile has."""
+    maps = {name: getattr(scene.maps, name).get(tile) for name in scene.table.quantities}
+    return {name: bilinear(image[..., None], uv)[:, 0] for name, image in maps.items() if image is not None}
+
+
+def _weights(scene, tile, uv):
+    """Weights of every lobe, (3,) or (n, 3)."""
+    alone = np.array([x.weight_rgb for x in scene.lobes])
+    if scene.table is None:
+        return alone
+    values = _quantities(scene, tile, uv)
+    through = [scene.table.scatter_at(values)[:, None] * w for w in alone[scene.gaussians :]]
+    return [*scene.table.at(values), *through]
 
 
 def _mapped(maps, tile, n, tangent, uv):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from skinbake.preview.scene import PreviewLobe, PreviewScene
+from skinbake.profile.weight_table import WeightTable, even_nodes
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, PointLight, RectangleLight, SpotLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SpecularSpec, TexturingSpec
@@ -78,3 +79,21 @@ def scene(tiles=1, half=True, with_maps=True, **changes) -> PreviewScene:
         energy_conservation=True,
     )
     return replace(whole, **changes)
+
+
+def varying_scene(names=("radius",), scatters=True, **changes) -> PreviewScene:
+    """The same with light through thin parts, and weights that maps of radius, or of two quantities, vary."""
+    rng = np.random.default_rng(4)
+    whole = scene(**changes)
+    lobes = (*whole.lobes[:-1], replace(whole.lobes[-1], variance_mm2=None))
+    nodes = (even_nodes(0.5, 1.5, 9), even_nodes(0.002, 0.03, 4) if len(names) == 2 else np.zeros(1))
+    weight = rng.uniform(0.02, 0.3, (len(nodes[0]), len(nodes[1]), len(lobes) - 1, 3))
+    zero = np.zeros((*weight.shape[:2], 3))
+    table = WeightTable(names, nodes, weight, zero, zero, dict.fromkeys((*names, "scatter"), 0.6), scatters)
+    ranges = {names[0]: (0.4, 1.6), "scatter": (0.0, 1.0)} | ({names[1]: (0.002, 0.04)} if len(names) == 2 else {})
+    shapes = {name: (17 + 3 * i, 23) for i, name in enumerate(ranges)}
+    maps = {
+        name: {t: smooth_noise(rng, (*shapes[name], 1), *ranges[name])[..., 0] for t in whole.tiles[:1]}
+        for name in ranges
+    }
+    return replace(whole, lobes=lobes, table=table, maps=replace(whole.maps, **maps))

@@ -19,7 +19,7 @@ from skinbake.scene.lights import DirectionalLight, PointLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SpecularSpec, TexturingSpec
 from tests.preview.reference import shade
-from tests.preview.scenes import LIGHTS, scene
+from tests.preview.scenes import LIGHTS, scene, varying_scene
 from tests.shapes import quad
 
 SIZE = (211, 163)
@@ -78,6 +78,14 @@ def test_other_scenes_match_as_well(renderer, changes):
     with OffscreenRenderer(scene(**changes)) as other:
         for mode in MODES[:4]:
             assert same_as_numpy(other, mode) >= 0.999
+
+
+@pytest.mark.parametrize("scatters", [True, False])
+def test_skin_that_varies_matches_as_well(scatters):
+    """Weights by a map of widths, and what does not scatter; also light through thin parts."""
+    with OffscreenRenderer(varying_scene(scatters=scatters, tiles=2)) as other:
+        for mode in (MODES[0], MODES[3]):
+            assert same_as_numpy(other, mode, fold=mode is MODES[0]) >= 0.999
 
 
 def test_lights_that_the_bake_summed_match_and_take_no_gains(renderer):

@@ -13,9 +13,12 @@ from skinbake.diffuse.scatter import scatter
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.lobes import as_stored_lobes
+from skinbake.io.weight_table import table_record
 from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
+from skinbake.profile.varying_skin import mean_skin
+from skinbake.scene.skin import SkinSpec
 
 if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
@@ -57,6 +60,8 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         return key_of(
             code_digest(__name__),
             [values.tolist() for values in (gaussians.variance_mm2, gaussians.weight_rgb, gaussians.energy_rgb)],
+            gaussians.table and table_record(gaussians.table),
+            self._inputs.key(*self._inputs.skin_maps),
             self._irradiance.identity,
             self._inputs.key("mesh"),
             spec.diffusion.model_dump(mode="json"),
@@ -82,10 +87,14 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         before = self._inputs.spec.texturing.exponent_before
         return before, self._inputs.key("albedo") if before else None
 
+    def _sources(self) -> Any:
+        """What makes texels weigh less as sources."""
+        return self._inputs.key("scatter") if "scatter" in self._inputs.skin_maps else None
+
     def _entering(self, gaussians: GaussianSum) -> list[Any]:
         """What the terms `incidence`, `beam` and `interreflection` read besides the light, its maps and the mesh."""
         inputs, spec = self._inputs, self._inputs.spec
-        terms, total = spec.terms, gaussians.weight_rgb.sum(axis=0).tolist()
+        terms, total = spec.terms, (gaussians.weight_rgb.sum(axis=0).tolist(), inputs.key(*inputs.skin_maps))
         incidence = beam = interreflection = None
         if terms.incidence != "off":
             medium = skin_medium(spec.skin)
@@ -104,11 +113,15 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         decisions = self._inputs.decisions
         return [decisions.budget.record(), [line.error for line in decisions.of_look]]
 
+    def _mean_skin(self) -> SkinSpec:
+        """The skin that terms of a medium see where maps vary it."""
+        return mean_skin(self._inputs.spec.skin, self._inputs.varying)
+
     def _medium(self) -> SkinMedium:
         """The skin's, as far as terms of slanted light may use it."""
         if self._irradiance.light_keys is None:
             return SkinMedium(why="the irradiance was given, and with it no directions")
-        return skin_medium(self._inputs.spec.skin)
+        return skin_medium(self._mean_skin())
 
     @property
     def inputs_read(self) -> dict[str, str]:
@@ -118,6 +131,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         terms = spec.terms
         if spec.texturing.exponent_before or terms.transmission != "off" or terms.interreflection != "off":
             own.add("albedo")
+        own.update(self._inputs.skin_maps)
         return {role: digest for role, digest in digests.items() if role in own}
 
     def load(self) -> DiffuseMap | None:
@@ -130,7 +144,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         gaussians, irradiance, medium = self._profile.result(), self._irradiance.result(), self._medium()
         slanted = medium.layers and inputs.spec.terms.incidence != "off"
         return scatter(
-            inputs.spec,
+            inputs.spec.model_copy(update={"skin": self._mean_skin()}),
             inputs.decisions,
             inputs.scene(),
             self._raster.result(),
@@ -169,6 +183,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             spec.diffusion.model_dump(mode="json", exclude={"probes"}),
             self._inputs.decisions.budget.record(),
             self._albedo_before(),
+            self._sources(),
             light,
             kind,
         )

@@ -61,7 +61,8 @@ class PreviewStage(Stage[Pixels, bool]):
         """sRGB pixels (H, W, 3)."""
         inputs = self._inputs
         lobes = self._results.lobe_totals(self._stages.diffuse.result())
-        scene = scene_of(inputs.spec, inputs.decisions, inputs.scene(), self._stages.irradiance.result(), lobes)
+        table, irradiance = self._stages.profile.result().table, self._stages.irradiance.result()
+        scene = scene_of(inputs.spec, inputs.decisions, inputs.scene(), irradiance, lobes, table)
         inputs.close()  # mesh, maps and raster: a quarter of a gigabyte that nothing yet to come has use for
         self._stages.raster.close()
         return self._worker.draw(scene, inputs.spec.preview)

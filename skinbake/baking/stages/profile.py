@@ -28,10 +28,13 @@ class ProfileStage(Stage[FitReport, GaussianSum]):
         self._inputs, self._results = inputs, results
 
     def key(self) -> str:
-        """Digest of the skin's keys and its table; given Gaussians are fitted again only where `fit` is written."""
-        skin = self._inputs.spec.skin
+        """Digest of the skin's keys, its table and the maps that vary it; given Gaussians are fitted again only where
+        `fit` is written.
+        """
+        inputs, skin = self._inputs, self._inputs.spec.skin
         written = (skin.model_dump(mode="json", exclude={"path", "medium"}), "fit" in skin.model_fields_set)
-        return key_of(code_digest(*CODE), written, self._inputs.digests.get("skin"))
+        maps = inputs.key(*inputs.skin_maps) if inputs.skin_maps else None
+        return key_of(code_digest(*CODE), written, inputs.digests.get("skin"), maps)
 
     def load(self) -> GaussianSum | None:
         """The Gaussians of profile.json."""
@@ -40,7 +43,8 @@ class ProfileStage(Stage[FitReport, GaussianSum]):
     def compute(self) -> FitReport:
         """The fit with its figures."""
         path = self._inputs.table_path
-        return fit_skin(self._inputs.spec.skin, read_profile_csv(path) if path else None)
+        table = read_profile_csv(path) if path else None
+        return fit_skin(self._inputs.spec.skin, table, over=self._inputs.varying)
 
     def store(self, made: FitReport) -> GaussianSum:
         """Keep the fit, and give its Gaussians."""

@@ -11,9 +11,11 @@ from skinbake.baking.provenance import Provenance
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.relight import stored_transfer
+from skinbake.io.weight_table import table_record
 from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import skin_medium
+from skinbake.profile.varying_skin import mean_skin
 from skinbake.relight.transfer import Transfer, make_transfer
 
 if TYPE_CHECKING:
@@ -48,11 +50,12 @@ class RelightStage(Stage[Transfer, Transfer]):
     def _key(self, gaussians: GaussianSum) -> str:
         inputs, spec = self._inputs, self._inputs.spec
         assert spec.relight is not None
-        medium = skin_medium(spec.skin)
+        medium = skin_medium(spec.skin)  # its maps are in the key by themselves
         return key_of(
             code_digest(__name__),
             [values.tolist() for values in (gaussians.variance_mm2, gaussians.weight_rgb, gaussians.energy_rgb)],
-            inputs.key(*_READ, OCCLUDERS),
+            gaussians.table and table_record(gaussians.table),
+            inputs.key(*_READ, *inputs.skin_maps, OCCLUDERS),
             (medium.identity, medium.why, medium.named, spec.skin.normalise),
             [part.model_dump(mode="json") for part in (spec.relight, spec.diffusion, spec.terms, spec.specular)],
             (spec.shadows, spec.texturing.exponent_before, inputs.decisions.energy_conservation.enabled),
@@ -63,7 +66,11 @@ class RelightStage(Stage[Transfer, Transfer]):
     def inputs_read(self) -> dict[str, str]:
         """Digests of the files that are read for it, by role."""
         digests = self._inputs.digests
-        return {r: d for r, d in digests.items() if r in (*_READ, "skin") or r.startswith("occluder.")}
+        return {
+            r: d
+            for r, d in digests.items()
+            if r in (*_READ, *self._inputs.skin_maps, "skin") or r.startswith("occluder.")
+        }
 
     def load(self) -> Transfer | None:
         """What the files say, without the textures' pixels."""
@@ -72,10 +79,11 @@ class RelightStage(Stage[Transfer, Transfer]):
     def compute(self) -> Transfer:
         """Textures, and their error on lights that they were not made for."""
         inputs = self._inputs
-        medium = skin_medium(inputs.spec.skin)
+        skin = mean_skin(inputs.spec.skin, inputs.varying)
+        medium = skin_medium(skin)
         slanted = medium.layers and inputs.spec.terms.incidence != "off"
         return make_transfer(
-            inputs.spec,
+            inputs.spec.model_copy(update={"skin": skin}),
             inputs.decisions,
             inputs.scene(),
             self._profile.result(),

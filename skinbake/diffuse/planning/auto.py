@@ -30,6 +30,7 @@ from skinbake.diffuse.planning.judge import Judge
 from skinbake.diffuse.planning.rules import IDENTITY_TEXELS2, cluster_spacing
 from skinbake.diffuse.planning.search import PEAK_SHARE, Candidate, search
 from skinbake.diffuse.probes import Probes, joined_probes
+from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.surface_space.clusters import contrast
 from skinbake.diffuse.texture_space.blur import widest_level
 from skinbake.numerics import Float
@@ -45,7 +46,12 @@ SEEN = 0.1  # of the mean: no less than this counts as a peak
 
 
 def plan_auto(
-    memoizer: Memoizer, gaussians: GaussianSum, seed: int, precision: str, also: Probes | None = None
+    memoizer: Memoizer,
+    gaussians: GaussianSum,
+    weights: SkinWeights,
+    seed: int,
+    precision: str,
+    also: Probes | None = None,
 ) -> tuple[tuple[LobePlan, ...], list[Decision]]:
     """Choose, measure and explain.
 
@@ -54,6 +60,8 @@ def plan_auto(
     memoizer : Memoizer
         Runs the methods.
     gaussians : GaussianSum
+    weights : SkinWeights
+        What each Gaussian counts in the sum.
     seed : int
         Of the planning probes.
     precision : "half" or "float"
@@ -81,20 +89,21 @@ def plan_auto(
     ]
 
     # Search; try the sums that were chosen; search again, until all that is chosen has been tried
-    want = weighted_sum(exact, gaussians.weight_rgb)
+    weight_rgb = weights.at_probes(probes)
+    want = weighted_sum(exact, weight_rgb)
     tolerance = resources.spec.tolerance
     judge = Judge(want, probes.weight, resources.spec.probes or VERIFYING, max(PEAK * tolerance, SEEN))
     limit = MARGIN * tolerance
-    chosen = search(options, gaussians.weight_rgb, judge, limit)
+    chosen = search(options, weight_rgb, judge, limit)
     while any(not lobe[k].tried for lobe, k in zip(options, chosen, strict=True)):
         for i, (lobe, k) in enumerate(zip(options, chosen, strict=True)):
             if not lobe[k].tried:
                 lobe[k] = _tried(memoizer, probes, exact[i], lobe[k])
-        chosen = search(options, gaussians.weight_rgb, judge, limit)
+        chosen = search(options, weight_rgb, judge, limit)
 
     taken = [lobe[k] for lobe, k in zip(options, chosen, strict=True)]
-    plans = tuple(_explained(options[i], i, taken, gaussians, judge) for i in range(len(taken)))
-    return plans, _decisions(plans, gaussians, judge, limit, [lobe.read for lobe in taken])
+    plans = tuple(_explained(options[i], i, taken, weight_rgb, judge) for i in range(len(taken)))
+    return plans, _decisions(plans, weight_rgb, judge, limit, [lobe.read for lobe in taken])
 
 
 def _candidates(memoizer: Memoizer, variance: float, probes: Probes, exact: Float, half: bool) -> list[Candidate]:
@@ -122,7 +131,7 @@ def _tried(memoizer: Memoizer, probes: Probes, exact: Float, lobe: Candidate) ->
 
 
 def _explained(
-    options: Sequence[Candidate], index: int, taken: Sequence[Candidate], gaussians: GaussianSum, judge: Judge
+    options: Sequence[Candidate], index: int, taken: Sequence[Candidate], weight_rgb: Float, judge: Judge
 ) -> LobePlan:
     """What a lobe costs in error, and what the next cheaper choice would have made of the sum."""
     mine = taken[index]
@@ -131,7 +140,7 @@ def _explained(
     if cheaper:
         other = max(cheaper, key=lambda c: c.cost)
         reads = [lobe.read for lobe in (*taken[:index], other, *taken[index + 1 :])]
-        with_other = judge.rms(weighted_sum(reads, gaussians.weight_rgb) - judge.want)
+        with_other = judge.rms(weighted_sum(reads, weight_rgb) - judge.want)
         size = f"size / {2**other.parameters.level}"
         why += f"; {other.method.name} at {size} would make the sum wrong by {with_other:.3%}"
     if mine.method.blurs:
@@ -141,18 +150,19 @@ def _explained(
 
 
 def _decisions(
-    plans: Sequence[LobePlan], gaussians: GaussianSum, judge: Judge, limit: float, reads: Sequence[Float]
+    plans: Sequence[LobePlan], weight_rgb: Float, judge: Judge, limit: float, reads: Sequence[Float]
 ) -> list[Decision]:
     """One a lobe, and one for the sum."""
-    error = weighted_sum(reads, gaussians.weight_rgb) - judge.want
+    error = weighted_sum(reads, weight_rgb) - judge.want
     expected, likely = judge.rms(error), judge.unlucky_rms(error)
     decisions = [
         Decision(
             f"lobe_{i}",
             plan.method.blurs,
-            f"v = {v:.4g} mm^2: {plan.method.name} at size / {2**plan.parameters.level}; {plan.why}",
+            f"v = {plan.parameters.variance_mm2:.4g} mm^2: {plan.method.name} at size / {2**plan.parameters.level}; "
+            f"{plan.why}",
         )
-        for i, (plan, v) in enumerate(zip(plans, gaussians.variance_mm2, strict=True))
+        for i, plan in enumerate(plans)
     ]
     decisions.append(
         Decision(

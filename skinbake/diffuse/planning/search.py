@@ -47,7 +47,7 @@ def search(options: Sequence[Sequence[Candidate]], weight_rgb: Float, judge: Jud
     ----------
     options : sequence of sequences of Candidate
         By lobe.
-    weight_rgb : ndarray of shape (N, 3)
+    weight_rgb : ndarray of shape (N, 3) or (N, P, 3)
         Of the lobes in the sum.
     judge : Judge
     limit : float

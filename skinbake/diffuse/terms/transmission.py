@@ -9,6 +9,7 @@ lights, soft ones included.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,7 @@ from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float
+from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.lights import LightSpec
@@ -76,8 +77,9 @@ def transmit(
     medium: SkinMedium | None = None,
     limit: float = np.inf,
     lights: Mapping[str, TransmittedLight] | None = None,
+    scatter: float = 1.0,
 ) -> tuple[Lobe | None, Decision]:
-    """Transmitted light as one more lobe of weight 1, and the plan's line on it.
+    """Transmitted light as one more lobe, and the plan's line on it.
 
     Parameters
     ----------
@@ -99,6 +101,8 @@ def transmit(
         Root mean square that may be left out; `auto` keeps the term above it, too.
     lights : mapping of str to TransmittedLight, optional
         By the names in `diffused`; of others light comes from everywhere and counts by its incidence.
+    scatter : float
+        Weight of the lobe: share of the light that scatters.
 
     References
     ----------
@@ -107,7 +111,10 @@ def transmit(
     if switch == "off":
         return None, Decision("transmission", False, "off")
     reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
-    weights = slab_weights(gaussians, reflectance, medium)
+    if scatter < 1 or (gaussians.table is not None and gaussians.table.scatters):
+        weights, gaussians = _of_what_scatters(gaussians, reflectance, medium)
+    else:
+        weights = slab_weights(gaussians, reflectance, medium)
     carried = _carried_already(weights, diffused, gaussians)
     of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
 
@@ -135,8 +142,21 @@ def transmit(
     kept = switch == "on" or peak > WORTH * tolerance or rms > limit
     found = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
     why = f"{switch}: through thin parts {found}, worth it from {WORTH * tolerance:.1%} (rms {limit:.2%})"
-    lobe = Lobe(float(gaussians.variance_mm2[-1]), (1.0, 1.0, 1.0), None, rgb) if kept else None
+    lobe = Lobe(float(gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb) if kept else None
     return lobe, Decision("transmission", kept, why, 0.0 if kept else rms)
+
+
+def _of_what_scatters(
+    gaussians: GaussianSum, reflectance: Float, medium: SkinMedium | None
+) -> tuple[SlabWeights, GaussianSum]:
+    """Weights of a slab whose first Gaussian, of no width, is light that never entered; and the sum without that."""
+    scattered = gaussians.weight_rgb[1:]
+    whole = safe_div(scattered, scattered.sum(axis=0)) * gaussians.weight_rgb.sum(axis=0)
+    inside = replace(gaussians, variance_mm2=gaussians.variance_mm2[1:], weight_rgb=whole, table=None)
+    slab = slab_weights(inside, reflectance, medium)
+    padded = np.concatenate([np.zeros_like(slab.weight_rgb[:, :1]), slab.weight_rgb], axis=1)
+    none = np.zeros((1, 3))
+    return replace(slab, weight_rgb=padded), replace(gaussians, weight_rgb=np.concatenate([none, whole]))
 
 
 def transmitted_level(texel_mm: float) -> int:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, Tiled, Tiles, first_fundamental_form, signed_uv_area
+from skinbake.atlas import Tiled, Tiles, first_fundamental_form, signed_uv_area
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
 from skinbake.diffuse.texture_space.separable import decimate, decimation_weights, masked_light, normalised_blur
 from skinbake.kernels.compile import kernel
@@ -179,9 +179,12 @@ def level_kernel(pyramid: TexturePyramid, variance_texels2: tuple[float, float],
     return residual_kernel(rest, t / ratio**4)
 
 
-def texture_pyramids(source: Tiles, atlas: Atlas) -> Tiled[TexturePyramid]:
-    """Start of a pyramid for each tile; tiles do not see one another in texture space."""
-    return {raster.tile: texture_pyramid(source[raster.tile], raster.coverage) for raster in atlas}
+def texture_pyramids(source: Tiles, coverage: Tiles) -> Tiled[TexturePyramid]:
+    """Start of a pyramid for each tile; tiles do not see one another in texture space.
+
+    `coverage`, (H, W) a tile, is what each texel weighs.
+    """
+    return {tile: texture_pyramid(source[tile], each) for tile, each in coverage.items()}
 
 
 def blur_at(

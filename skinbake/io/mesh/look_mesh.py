@@ -13,6 +13,7 @@ from skinbake.io.mesh.raw_file import read_raw
 from skinbake.io.mesh.read_mesh import casters_of, read_mesh
 from skinbake.io.waiting import Waiting, unseen
 from skinbake.scene.casters import Casters, joined_casters
+from skinbake.scene.maps import IMAGES
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import OccluderSpec, SceneSpec
 
@@ -42,7 +43,7 @@ def read_look_mesh(spec: SceneSpec, waiting: Waiting = unseen) -> SkinMesh:
         opacity=of.opacity,
         waiting=waiting,
     )
-    painted = [name for name in ("albedo", "normal", "roughness", "specular") if getattr(maps, name) is not None]
+    painted = [name for name in IMAGES if getattr(maps, name) is not None]
     if painted:
         refuse_unpainted(spec, mesh, f"maps.{painted[0]}")
     return replace(

@@ -15,6 +15,14 @@ DECLARE_LOBES
 uniform vec3 lobe_weight[N_LOBES];
 uniform vec3 layer_gain[N_LAYERS];   // of each stored light's diffuse part
 uniform vec3 total_weight;
+#ifdef SKIN_TABLE
+uniform sampler2DArray weight_table; // a layer a Gaussian; rows and columns are nodes, even in the roots of two maps
+uniform sampler2DArray table_row;
+uniform sampler2DArray table_column;
+uniform sampler2DArray scatter_map;
+uniform vec2 table_low;              // roots at the first node, and from the first to the last, of rows and columns
+uniform vec2 table_range;
+#endif
 uniform float albedo_exponent_after; // theory.md 5.1: 1 - x
 uniform sampler2DArray irradiance;
 uniform sampler2DArray visibility;
@@ -40,6 +48,26 @@ layout(location = 1) out vec4 out_position;
 layout(location = 2) out vec4 out_normal;
 layout(location = 3) out vec4 out_tangent;
 layout(location = 4) out vec4 out_uv;
+#endif
+
+#ifdef SKIN_TABLE
+// Weights of the skin at this place, and what they give back of light; as skinbake/profile/weight_table.py, theory.md 4.8
+void weigh(out vec3 weight[N_LOBES], out vec3 total)
+{
+    vec2 value = vec2(texture(table_row, vec3(frag_uv, 0.0)).r, texture(table_column, vec3(frag_uv, 0.0)).r);
+    vec2 nodes = vec2(textureSize(weight_table, 0).yx);
+    vec2 at = clamp((sqrt(max(value, 0.0)) - table_low) / table_range, 0.0, 1.0) * (nodes - 1.0) + 0.5;
+    float scatter = texture(scatter_map, vec3(frag_uv, 0.0)).r;
+    total = vec3(0.0);
+    for (int i = 0; i < N_LOBES; ++i)
+        weight[i] = scatter * lobe_weight[i];  // light through thin parts, which no table weighs
+    for (int i = 0; i < N_GAUSSIANS; ++i) {
+        vec3 here = texture(weight_table, vec3(at.y / nodes.y, at.x / nodes.x, i)).rgb;
+        total += here;
+        weight[i] = scatter * here;
+    }
+    weight[0] += (1.0 - scatter) * total;
+}
 #endif
 
 // As skinbake/irradiance/normal_map.py bends it for the diffuse part
@@ -124,6 +152,11 @@ void main()
 
 #ifdef SHOW_DIFFUSE
     vec3 exitance = vec3(0.0);
+#ifdef SKIN_TABLE
+    vec3 weight[N_LOBES];
+    vec3 total;
+    weigh(weight, total);
+#endif
     for (int layer = 0; layer < N_LAYERS; ++layer) {
 #ifdef UNSCATTERED
         exitance += layer_gain[layer] * texture(irradiance, vec3(frag_uv, layer)).rgb;
@@ -132,7 +165,11 @@ void main()
 #endif
     }
 #ifdef UNSCATTERED
+#ifdef SKIN_TABLE
+    exitance *= total * texture(albedo, vec3(frag_uv, 0.0)).rgb;
+#else
     exitance *= total_weight * texture(albedo, vec3(frag_uv, 0.0)).rgb;
+#endif
 #else
 #ifdef ALBEDO_AFTER
     exitance *= pow(max(texture(albedo, vec3(frag_uv, 0.0)).rgb, 0.0), vec3(albedo_exponent_after));

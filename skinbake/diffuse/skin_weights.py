@@ -1,0 +1,170 @@
+"""Weights of the lobes over the skin: the same everywhere, or those of a table at what the maps hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas, Tiles
+from skinbake.bilinear import bilinear_texels, magnify_bilinear
+from skinbake.diffuse.probes import Probes
+from skinbake.numerics import Float
+from skinbake.profile.gaussian_sum import GaussianSum
+from skinbake.profile.weight_table import WeightTable
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.skin import SkinSpec
+
+
+@dataclass(frozen=True)
+class SkinWeights:
+    """What each Gaussian counts at each place, theory.md 4.8.
+
+    Attributes
+    ----------
+    weight_rgb : ndarray of shape (N, 3)
+        Where no table says otherwise.
+    table : WeightTable, optional
+        Of the Gaussians, which come first; what follows them is light through thin parts.
+    maps : SkinMaps
+        What the table's quantities are; read bilinearly, as a GPU does.
+    """
+
+    weight_rgb: Float
+    table: WeightTable | None = None
+    maps: SkinMaps = field(default_factory=SkinMaps)
+
+    @classmethod
+    def of(cls, gaussians: GaussianSum, maps: SkinMaps) -> SkinWeights:
+        """Weights of a fitted sum on a skin with given maps."""
+        return cls(gaussians.weight_rgb, gaussians.table, maps)
+
+    def at(self, tile: NDArray[np.integer], place: Float) -> Float:
+        """Weights at places.
+
+        Parameters
+        ----------
+        tile : ndarray of shape (P,)
+            UDIM number of each.
+        place : ndarray of shape (P, 2)
+            (row, column) / size.
+
+        Returns
+        -------
+        ndarray of shape (N, P, 3), or (N, 3) where they are the same everywhere
+        """
+        if self.table is None:
+            return self.weight_rgb
+        values, shape = self._values_at(tile, place), (len(place), 3)
+        weight = [np.broadcast_to(each, shape) for each in self.table.at(values)]
+        scatter = self.table.scatter_at(values)[:, None]
+        through = [np.broadcast_to(scatter * each, shape) for each in self.weight_rgb[len(weight) :]]
+        return np.stack([*weight, *through])
+
+    def at_probes(self, probes: Probes) -> Float:
+        """Weights at probes, as `at`."""
+        return self.at(probes.tile, probes.place)
+
+    def scatter_at(self, tile: NDArray[np.integer], place: Float) -> Float:
+        """Share of the light that scatters at places, (P,) or (1,)."""
+        return np.ones(1) if self.table is None else self.table.scatter_at(self._values_at(tile, place))
+
+    def image(self, lobe: int, tile: int, shape: tuple[int, int]) -> NDArray[np.float32]:
+        """Weights of one lobe at every texel, (H, W, 3), or (1, 1, 3) where they are the same everywhere.
+
+        Parameters
+        ----------
+        lobe : int
+        tile : int
+        shape : (H, W)
+        """
+        if self.table is None:
+            return self.weight_rgb[lobe].astype(np.float32)[None, None]
+        if lobe >= self.table.weight_rgb.shape[2]:
+            return self.scatter_image(tile, shape)[..., None] * self.weight_rgb[lobe].astype(np.float32)
+        values = self._images(tile, shape)
+        return self.table.of_lobe(lobe, values).astype(np.float32).reshape(_shape(values, shape))
+
+    def total_image(self, tile: int, shape: tuple[int, int]) -> NDArray[np.float32]:
+        """What the skin gives back of light at every texel, as `image`."""
+        if self.table is None:
+            return self.weight_rgb.sum(axis=0).astype(np.float32)[None, None]
+        values = {name: each for name, each in self._images(tile, shape).items() if name != "scatter"}
+        return self.table.total(values).astype(np.float32).reshape(_shape(values, shape))
+
+    def scatter_image(self, tile: int, shape: tuple[int, int]) -> NDArray[np.float32]:
+        """Share of the light that scatters at every texel, (H, W), or (1, 1) where it is the same everywhere."""
+        if self.table is None or not self.table.scatters:
+            return np.ones((1, 1), np.float32)
+        values = {name: each for name, each in self._images(tile, shape).items() if name == "scatter"}
+        return self.table.scatter_at(values).astype(np.float32).reshape(_shape(values, shape)[:2])
+
+    def _values_at(self, tile: NDArray[np.integer], place: Float) -> dict[str, Float]:
+        """The table's quantities at places, (P,) each."""
+        assert self.table is not None
+        found = {}
+        for name in self.table.quantities:
+            values = np.full(len(place), self.table.constants[name])
+            for number, image in getattr(self.maps, name).items():
+                mine = np.flatnonzero(tile == number)
+                flat, share = bilinear_texels(place[mine], *image.shape)
+                values[mine] = (image.reshape(-1)[flat] * share).sum(axis=1)
+            found[name] = values
+        return found
+
+    def _images(self, tile: int, shape: tuple[int, int]) -> dict[str, Float]:
+        """The table's quantities at the texels of a tile, flat, of those that have a map there."""
+        assert self.table is not None
+        images = {name: getattr(self.maps, name).get(tile) for name in self.table.quantities}
+        return {
+            name: magnify_bilinear(np.asarray(image, np.float32)[..., None], shape).reshape(-1).astype(np.float64)
+            for name, image in images.items()
+            if image is not None
+        }
+
+
+@dataclass(frozen=True)
+class VaryingSkin:
+    """A skin that is not the same everywhere.
+
+    Attributes
+    ----------
+    weights : SkinWeights
+    share : Tiles, optional
+        Share of the light that scatters, (H, W) a tile; None where all of it does, or the same share everywhere.
+    """
+
+    weights: SkinWeights
+    share: Tiles | None = None
+
+    @classmethod
+    def of(cls, gaussians: GaussianSum, maps: SkinMaps, atlas: Atlas) -> VaryingSkin | None:
+        """What a look's maps make of its skin; None where they do not vary it.
+
+        Parameters
+        ----------
+        gaussians : GaussianSum
+        maps : SkinMaps
+        atlas : Atlas
+            At whose texels the share is read.
+        """
+        table = gaussians.table
+        if table is None:
+            return None
+        weights = SkinWeights.of(gaussians, maps)
+        share = {}
+        for raster in atlas if table.scatters else ():
+            scatter = weights.scatter_image(raster.tile, raster.shape)
+            share[raster.tile] = np.broadcast_to(scatter, raster.shape)
+        return cls(weights, share or None)
+
+
+def uniform_scatter(gaussians: GaussianSum, skin: SkinSpec) -> float:
+    """Share of the light that scatters everywhere; 1 where a map says it place by place."""
+    return 1.0 if gaussians.table is not None and gaussians.table.scatters else skin.scatter
+
+
+def _shape(values: dict[str, Float], shape: tuple[int, int]) -> tuple[int, int, int]:
+    """Shape of an image of colours: one texel where no map varies it."""
+    return (*shape, 3) if values else (1, 1, 3)
