@@ -46,7 +46,7 @@ class SlabTransport(NamedTuple):
 
 
 def diffuse_mean(cosine: Float, values: Float) -> Float:
-    """Mean over light from everywhere, 2 int f(mu) mu dmu: exact for `values` (M, ...) that are linear between the nodes."""
+    """Mean over light from everywhere, 2 int f(mu) mu dmu: exact for `values` (M, ...) linear between nodes."""
     left, right = cosine[:-1], cosine[1:]
     weight = np.zeros(len(cosine))
     weight[:-1] += (right - left) * (2 * left + right) / 3
