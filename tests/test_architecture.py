@@ -35,6 +35,7 @@ ORDER = [
     "api",
     "export",
     "batch",
+    "watch",
     "cli",
 ]
 FILES = sorted((ROOT / "skinbake").rglob("*.py"))

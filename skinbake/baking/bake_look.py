@@ -16,6 +16,8 @@ from skinbake.baking.report import refuse_missed, report
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stages.preview import PreviewStage
 from skinbake.baking.stages.textures import TexturesStage
+from skinbake.baking.verdict import last_lines, marked, worst_place
+from skinbake.baking.warnings import bake_warnings, look_warnings
 from skinbake.pipeline import Baked
 from skinbake.scene.spec import SceneSpec
 
@@ -59,7 +61,9 @@ def bake_look(
     with log.telling_of_compiling(), log.whole("baking", expected):
         manifest, baked = _bake_into_folder(bake, preview, start)
     keep_pace(bake.inputs, log)
-    log.say(f"done in {time.perf_counter() - start:.2f} s: {folder}")
+    log.say(f"done in {time.perf_counter() - start:.1f} s")
+    for line in (*last_lines(folder, manifest, bake.results.holds_picture), *marked(manifest["warnings"])):
+        log.say(line)
     refuse_missed(spec, baked)
     return manifest
 
@@ -77,15 +81,17 @@ def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[di
     """
     inputs, results, log = bake.inputs, bake.results, bake.log
     stages = bake.stages()
-    refuse_spoilt_look(inputs, stages)
+    uv = refuse_spoilt_look(inputs, stages)
     if preview and not inputs.spec.lights:
         preview = False
-        log.say(f"  no lights yet, no picture: skinbake preview {results.folder} --environment SKY.exr shows one")
+        log.say("  no lights yet, no picture")
     with results.open(preview), PreviewWorker() as worker:
         picture = PreviewStage(inputs, stages, results, worker, log)
         if preview:
             picture.prepare()
         baked = pipeline.bake(stages)
+        found = look_warnings(inputs.spec, inputs.scene(), uv.mm_per_texel[1], baked.gaussians) if uv else None
+        worst = worst_place(inputs, baked, results.before)
         try:
             if preview:
                 picture.result()  # while the files are written
@@ -97,6 +103,9 @@ def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[di
                 picture.load()  # a picture of these very lobes stays
             results.remove_others()
             manifest = manifest_of(inputs, results, log, baked)
+            manifest["warnings"] = bake_warnings(results.before, found, baked)
+            if worst:
+                manifest["error"]["worst"] = worst
             manifest["timings"]["total"] = time.perf_counter() - start
             finish_manifest(results, manifest)
             report(log, baked, (manifest["error"] or {}).get("model"), inputs.texture_size.lost)

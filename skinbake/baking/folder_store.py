@@ -298,6 +298,11 @@ class FolderStore:
 
     # The picture
 
+    @property
+    def holds_picture(self) -> bool:
+        """Whether the folder has a picture of this bake."""
+        return PICTURE in self.written
+
     def has_picture(self, key: str) -> bool:
         """Whether preview.png is the one that was drawn under `key`, and nobody has drawn another since."""
         current = not self.force and self._picture_note() == [key, *self._picture_digest()]

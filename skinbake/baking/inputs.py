@@ -146,7 +146,7 @@ class BakeInputs:
         with self._log.measured("read"):
             scene = read_scene(self.spec, waiting=self._log.waiting)
         self._refuse_changed()
-        for note in (*scene.mesh.notes, *scene.notes):
+        for note in (*scene.mesh.notes, *scene.notes, *scene.warnings):
             self._log.say(f"  {note}")
         return scene
 

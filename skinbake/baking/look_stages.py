@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skinbake.atlas.report import refuse_spoilt, uv_report
+from skinbake.atlas.report import UvReport, refuse_spoilt, uv_report
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.result_store import ResultStore
 from skinbake.baking.session import BakeSession
@@ -45,8 +45,10 @@ def look_stages(
     return Stages(inputs.decisions, profile, raster, irradiance, diffuse, relight)
 
 
-def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> None:
+def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> UvReport | None:
     """Read what is new and stop at what would spoil the bake, before anything is written.
+
+    Gives what was found of the UVs; None where no light will be traced.
 
     Raises
     ------
@@ -57,4 +59,7 @@ def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> None:
     """
     if stages.irradiance.stale() or (stages.relight and stages.relight.stale()):
         refuse_too_large(inputs.spec, inputs.decisions, len(inputs.tiles))
-        refuse_spoilt(uv_report(inputs.scene().mesh, stages.raster.result()), inputs.spec.mesh.path)
+        uv = uv_report(inputs.scene().mesh, stages.raster.result())
+        refuse_spoilt(uv, inputs.spec.mesh.path)
+        return uv
+    return None

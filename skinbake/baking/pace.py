@@ -13,6 +13,7 @@ from skinbake.errors import SkinbakeError
 from skinbake.io.atomic import write_text
 from skinbake.io.user_cache import user_cache
 from skinbake.pipeline import Stages
+from skinbake.scene.spec import SceneSpec
 
 NAME = "pace.json"
 LEAST, MOST = 0.05, 50.0  # times the rule of thumb that a machine is believed to take
@@ -21,10 +22,9 @@ STAGES = frozenset({"read", "raster", "profile", "irradiance", "diffuse", "previ
 LOBES = 6  # before the profile is fitted
 
 
-def rule_of_thumb(inputs: BakeInputs) -> dict[str, float]:
+def rule_of_thumb(spec: SceneSpec) -> dict[str, float]:
     """Seconds of each stage, as the sample head takes them at 256^2 to 2048^2 on two cores of a 2.6 GHz server."""
-    spec = inputs.spec
-    tiles = len(inputs.tiles) if not spec.texture.udim else 2  # without reading the mesh
+    tiles = 2 if spec.texture.udim else 1  # without reading the mesh
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
     lights = len(spec.lights)
     return {
@@ -53,8 +53,14 @@ def expected_seconds(inputs: BakeInputs, stages: Stages, asked: Collection[str] 
     runs = dict.fromkeys(("read", "raster", "write"), light or lobes) | {"irradiance": light}
     runs |= dict.fromkeys(("profile", "diffuse", "preview"), lobes)
     before = _kept()
-    rule = rule_of_thumb(inputs)
+    rule = rule_of_thumb(inputs.spec)
     return {name: s * before.get(name, 1.0) for name, s in rule.items() if name in asked and runs[name]}
+
+
+def whole_seconds(spec: SceneSpec) -> float:
+    """Seconds of a whole bake of which nothing is there yet, about."""
+    before = _kept()
+    return sum(seconds * before.get(name, 1.0) for name, seconds in rule_of_thumb(spec).items())
 
 
 def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
@@ -62,7 +68,7 @@ def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
 
     Stages that took nothing but reading say nothing.
     """
-    before, rule = _kept(), rule_of_thumb(inputs)
+    before, rule = _kept(), rule_of_thumb(inputs.spec)
     ran = {name: log.busy[name] / seconds for name, seconds in rule.items() if log.reused.get(name) is False}
     now = before | {name: _believed(0.5 * (before.get(name, times) + times)) for name, times in ran.items()}
     path = _path()

@@ -28,8 +28,9 @@ def scene_of(
     irradiance: Sequence[IrradianceMap],
     result: DiffuseMap,
     table: WeightTable | None,
+    separate: bool = False,
 ) -> PreviewScene:
-    """What `read_bake_folder` would read, lights summed, without waiting for the files.
+    """What `read_bake_folder` would read, without waiting for the files.
 
     Parameters
     ----------
@@ -41,11 +42,13 @@ def scene_of(
         With `StoredLobe`s.
     table : WeightTable, optional
         Of the profile.
+    separate : bool
+        Each light on its own, as a window wants them, instead of their sum.
     """
     precision = spec.output.precision
     lobes = tuple(
         PreviewLobe(
-            {tile: total[None] for tile, total in lobe.total.items()},
+            dict(lobe.rgb) if separate else {tile: total[None] for tile, total in lobe.total.items()},
             lobe.weight_rgb,
             None if lobe.transmitted else lobe.variance_mm2,
         )
@@ -60,6 +63,7 @@ def scene_of(
         {tile.tile: as_stored(tile.rgb, precision) for tile in irradiance},
         {tile.tile: as_stored(tile.visibility[..., None], precision)[..., 0] for tile in irradiance},
         table,
+        separate,
     )
 
 
@@ -98,6 +102,7 @@ def _scene(
     irradiance: Mapping[int, Texture],
     visibility: Mapping[int, Texture],
     table: WeightTable | None = None,
+    separate: bool = False,
 ) -> PreviewScene:
     return PreviewScene(
         scene.mesh,
@@ -109,6 +114,6 @@ def _scene(
         spec.texturing,
         spec.specular,
         decisions.energy_conservation.enabled,
-        separate=False,
+        separate=separate,
         table=table,
     )

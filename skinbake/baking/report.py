@@ -32,10 +32,11 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, 
         e = baked.diffuse.error
         log.say(
             f"  the blur's error, against the surface integral of the same Gaussians, {e.probes} probes: "
-            f"rms {e.rms:.3%}, p95 {e.p95:.3%}, max {e.max:.3%} (method {e.method:.3%}, storage {e.storage:.3%})"
+            f"rms {e.rms:.3%}, p95 {e.p95:.3%}, max {e.max:.3%} (method {e.method:.3%}, storage {e.storage:.3%})",
+            2,
         )
     if lost:
-        log.say(f"  the texture size's error, against the size asked for: {lost:.2%}, estimated")
+        log.say(f"  the texture size's error, against the size asked for: {lost:.2%}, estimated", 2)
     if baked.relight:
         count, kind, (width, height) = len(baked.relight.basis), baked.relight.basis.kind, baked.relight.judged_at
         log.say(f"  relighting by {count} textures ({kind}), against bakes of lights unseen at {width} x {height}:")
@@ -46,10 +47,9 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, 
     if model:
         log.say(
             f"  the model's error, against light transport, {model['points']} points: "
-            f"rms {model['rms']:.1%} +- {model['stderr']:.1%} (skinbake truth)"
+            f"rms {model['rms']:.1%} +- {model['stderr']:.1%} (skinbake truth)",
+            2,
         )
-    else:
-        log.say("  the model's error, against light transport: not measured; skinbake truth LOOK does")
 
 
 def refuse_missed(spec: SceneSpec, baked: Baked) -> None:

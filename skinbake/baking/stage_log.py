@@ -16,6 +16,7 @@ WORDS = {  # what is done, by the name of its stage
     "profile": "fitting Gaussians to the skin",
     "irradiance": "tracing light",
     "diffuse": "scattering light",
+    "relight": "light from everywhere",
     "preview": "drawing the picture",
     "textures": "making .tx files",
     "write": "writing files",

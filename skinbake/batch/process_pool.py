@@ -61,7 +61,7 @@ class ProcessPool:
         """
         todo = [(name, self.retries) for name in payloads]
         results: dict[str, dict[str, Any]] = {}
-        pool: list[_Worker] = []
+        pool: list[WorkerProcess] = []
         with fewer_threads(self.workers):
             try:
                 while todo or any(worker.name for worker in pool):
@@ -79,17 +79,17 @@ class ProcessPool:
                     worker.end()
         return {name: results.get(name, {"status": "skipped", "error": "an earlier job failed"}) for name in payloads}
 
-    def _idle(self, pool: list[_Worker]) -> _Worker | None:
+    def _idle(self, pool: list[WorkerProcess]) -> WorkerProcess | None:
         """A worker without a job, started if there may be one more; None if all are busy."""
         for worker in pool:
             if not worker.name:
                 return worker
         if len(pool) < self.workers:
-            pool.append(_Worker())
+            pool.append(WorkerProcess())
             return pool[-1]
         return None
 
-    def _ready(self, pool: list[_Worker]) -> list[_Worker]:
+    def _ready(self, pool: list[WorkerProcess]) -> list[WorkerProcess]:
         """Busy workers that have something to say, after a wait of at most `SAMPLE_S`."""
         busy = [worker for worker in pool if worker.name]
         ready = connection.wait([worker.connection for worker in busy], SAMPLE_S)
@@ -98,8 +98,8 @@ class ProcessPool:
 
     def _hear(
         self,
-        worker: _Worker,
-        pool: list[_Worker],
+        worker: WorkerProcess,
+        pool: list[WorkerProcess],
         todo: list[tuple[str, int]],
         results: dict[str, dict[str, Any]],
     ) -> None:
@@ -122,8 +122,8 @@ class ProcessPool:
         self.listen(name, {"event": "end", **results[name]})
 
 
-class _Worker:
-    """One process, a job at a time."""
+class WorkerProcess:
+    """One process, a job at a time; `connection` brings ("event", value), then ("result", value) or ("raised", why)."""
 
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")

@@ -15,12 +15,10 @@ if TYPE_CHECKING:
     from skinbake.diffuse.planning.texture_size import TextureSize
     from skinbake.io.waiting import Waiting
     from skinbake.irradiance.scene_data import SceneData
-    from skinbake.profile import GaussianSum
     from skinbake.scene.spec import SceneSpec
 
 PICTURE = "uv_check.png"
 LISTED = 12  # frames in a message
-LARGEST_TEXTURE = 16384  # that is proposed
 _SMALLEST = 15  # times that a texture is halved, at most
 
 
@@ -98,6 +96,7 @@ def examine(spec: SceneSpec, waiting: Waiting | None = None) -> tuple[dict[str, 
     from skinbake.atlas import tiles_of
     from skinbake.atlas.look_atlas import look_atlas
     from skinbake.atlas.report import report_picture, uv_report
+    from skinbake.baking.warnings import look_warnings
     from skinbake.diffuse.planning.texture_size import at_size, choose_size
     from skinbake.diffuse.scatter import refuse_too_large
     from skinbake.io.image_memory import memory_of_images
@@ -161,10 +160,12 @@ def examine(spec: SceneSpec, waiting: Waiting | None = None) -> tuple[dict[str, 
         "maps": sizes,
         "notes": [
             *scene.mesh.notes,
-            *filter(None, [orientation.advice]),
             *scene.notes,
             *_told(spec, scene, size),
-            *_coarse(spec, texel_mm, gaussians),
+        ],
+        "warnings": [
+            *filter(None, [orientation.advice]),
+            *look_warnings(spec, scene, texel_mm, gaussians),
             *unreached(spec.lights, scene.mesh, spec.texture.size, scene.environments, spec.shadows),
         ],
         "expected": expected(
@@ -186,23 +187,6 @@ def _unpainted(spec: SceneSpec, scene: SceneData) -> list[str]:
         return []
     colour = ", ".join(f"{value:.2f}" for value in spec.maps.albedo_rgb or ())
     return [f"maps.albedo: none, the skin is of one colour, albedo_rgb [{colour}]"]
-
-
-def _coarse(spec: SceneSpec, texel_mm: float, gaussians: GaussianSum) -> list[str]:
-    """A sentence where texels are longer than the way that red light scatters on average: little of it then shows."""
-    weight = gaussians.weight_rgb[:, 0]
-    spread_mm = float(weight @ gaussians.variance_mm2**0.5 / max(weight.sum(), 1e-12))
-    if texel_mm <= spread_mm:
-        return []
-    width, height = spec.texture.size
-    times = 2
-    while texel_mm / times > spread_mm and max(width, height) * times < LARGEST_TEXTURE:
-        times *= 2
-    finer = str(width * times) if width == height else f"[{width * times}, {height * times}]"
-    return [
-        f"texels of {texel_mm:.2g} mm are coarser than the {spread_mm:.2g} mm that red light scatters on average, so"
-        f" scattering hardly shows: texture.size: {finer} makes them {texel_mm / times:.2g} mm"
-    ]
 
 
 def _of_materials(spec: SceneSpec, scene: SceneData) -> int:
@@ -292,6 +276,7 @@ def expected(
 
 def readable(report: dict[str, Any]) -> str:
     """The report for a terminal."""
+    from skinbake.baking.verdict import marked
     from skinbake.machine import physical_memory_bytes
 
     mesh, uv, cost = report["mesh"], report["uv"], report["expected"]
@@ -325,6 +310,7 @@ def readable(report: dict[str, Any]) -> str:
         f" irradiance {cost['irradiance_mib']} MiB, lobes {cost['lobes_mib']} MiB"
     )
     lines += [f"picture   {path}" for path in report.get("pictures", [])]
+    lines += marked(report.get("warnings", []))
     return "\n".join(lines)
 
 

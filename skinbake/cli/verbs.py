@@ -31,6 +31,7 @@ VERBS = {
     "schema": "Print the JSON schema of a look, or the page of every key.",
     "tradeoff": "Measure time and memory against error.",
     "truth": "Measure how far a bake is from light transport in the same skin.",
+    "watch": "Bake a look again whenever it is saved: a draft at once, then as asked.",
 }
 LIGHT = {"info", "init", "compare"}  # verbs that load little
 LOADED_BYTES, LOADED_DATA = 700 * 2**20, 0.5  # of the libraries that a bake loads, and their share of data

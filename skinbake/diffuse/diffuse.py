@@ -136,6 +136,7 @@ def diffuse(
         plan=tuple(decisions),
         tolerance_met=met,
         advice="" if met or made.error is None else advice(spec, made.error, precision),
+        worst_mm=None if made.worst is None else probes.position[made.worst].astype(np.float64) + geometry.centre_mm,
     )
 
 

@@ -72,6 +72,8 @@ class DiffuseMap:
         Whether what is left wrong is within the tolerance that was asked for; True without probes.
     advice : str
         When it is not: the knob that would help.
+    worst_mm : ndarray of shape (3,), optional
+        The probe at which the sum is most wrong, where lobes were made and not loaded.
     """
 
     lights: tuple[str, ...]
@@ -80,3 +82,4 @@ class DiffuseMap:
     plan: tuple[Decision, ...] = ()
     tolerance_met: bool = True
     advice: str = ""
+    worst_mm: NDArray[np.float64] | None = None

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from skinbake.atlas import Tiles
 from skinbake.diffuse.diffuse_map import MeasuredError
 from skinbake.diffuse.error import measure_error, weighted_sum
@@ -28,11 +30,14 @@ class MadeLobes(NamedTuple):
         Of the weighted sum; None without probes.
     by_lobe : list of MeasuredError or None
         Of each lobe alone.
+    worst : int, optional
+        Number of the probe at which the sum is most wrong.
     """
 
     tiles: list[Tiles]
     error: MeasuredError | None
     by_lobe: list[MeasuredError | None]
+    worst: int | None = None
 
 
 def make_lobes(
@@ -88,8 +93,10 @@ def make_lobes(
         return MadeLobes(tiles, None, [None] * len(plans))
     found = [[values[i] for i in range(len(plans))] for values in (read, unreduced)]
     weight_rgb = weights.at_probes(probes)
-    total = measure_error(*(weighted_sum(values, weight_rgb) for values in (*found, exact)))
-    return MadeLobes(tiles, total, [measure_error(*each) for each in zip(*found, exact, strict=True)])
+    stored, unreduced_sum, want = (weighted_sum(values, weight_rgb) for values in (*found, exact))
+    worst = int(np.abs(stored - want).max(axis=1).argmax())
+    by_lobe: list[MeasuredError | None] = [measure_error(*each) for each in zip(*found, exact, strict=True)]
+    return MadeLobes(tiles, measure_error(stored, unreduced_sum, want), by_lobe, worst)
 
 
 def _check_size(name: str, made: Tiles, source: Tiles, level: int) -> None:

@@ -105,6 +105,12 @@ def system_error(temporary: Path, said: str) -> OSError:
     return OSError(errno.ENOSPC if full else errno.EIO, said or os.strerror(errno.EIO))
 
 
+def write_bytes(path: Path | str, content: bytes) -> None:
+    """Write bytes atomically."""
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(content)
+
+
 def write_text(path: Path | str, text: str) -> None:
     """Write UTF-8 text atomically."""
     with atomic_write(path) as temporary:

@@ -69,7 +69,7 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
         visibility[tile] = np.stack([channel_of(folder / file, parts, LIGHT + name, "visibility") for name in names])
 
     mesh = read_look_mesh(spec)
-    maps, _ = read_look_maps(spec, mesh, tuple(irradiance))
+    maps, _, _ = read_look_maps(spec, mesh, tuple(irradiance))
     lobes = tuple(_lobe(folder, entry, spec, names if separate else None) for entry in manifest["lobes"])
     try:
         scene = PreviewScene(

@@ -94,10 +94,10 @@ def input_hashes(spec: SceneSpec) -> dict[str, str]:
 
 def input_stamps(spec: SceneSpec) -> dict[Path, tuple[int, ...] | None]:
     """Time, size and place of every input, None where it is gone: they tell whether a file was changed meanwhile."""
-    return {path: _stamp(path) for paths in input_files(spec).values() for path in paths}
+    return {path: stamp(path) for paths in input_files(spec).values() for path in paths}
 
 
-def _stamp(path: Path) -> tuple[int, ...] | None:
+def stamp(path: Path) -> tuple[int, ...] | None:
     """Time, size and place of a file, None where it is gone."""
     try:
         status = path.stat()

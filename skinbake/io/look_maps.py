@@ -35,8 +35,8 @@ Image = NDArray[np.float32]
 
 def read_look_maps(
     spec: SceneSpec, mesh: SkinMesh, tiles: Sequence[int], of_files: SkinMaps | None = None
-) -> tuple[SkinMaps, tuple[str, ...]]:
-    """The maps of a look at the texels of its layout, and what a person should know of them.
+) -> tuple[SkinMaps, tuple[str, ...], tuple[str, ...]]:
+    """The maps of a look at the texels of its layout, what they are of a mesh's materials, and warnings.
 
     Parameters
     ----------
@@ -56,15 +56,14 @@ def read_look_maps(
     """
     charts = partial(on_charts, painted_mesh(mesh))
     maps = read_maps(spec.maps, tiles, charts) if of_files is None else of_files
-    notes = missing_tiles(spec.maps, tiles)
+    warnings, notes = missing_tiles(spec.maps, tiles), list[str]()
     if spec.maps.source == "file":
-        maps, found = _with_materials(spec, mesh, maps, tiles, charts)
-        notes += found
-    notes += inward_normals(maps)
+        maps, notes = _with_materials(spec, mesh, maps, tiles, charts)
+    warnings += inward_normals(maps)
     maps = repaint(spec, mesh, maps)
     if spec.maps.vertex_colors:
         maps = replace(maps, albedo=_albedo_of_vertices(spec, mesh, maps))
-    return maps, tuple(notes)
+    return maps, tuple(notes), tuple(warnings)
 
 
 def _with_materials(

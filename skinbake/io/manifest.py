@@ -55,11 +55,12 @@ class _Error(Record):
     storage: float | None = None
     fit: list[float] | None = None
     texture_size: float = 0.0
+    worst: dict[str, Any] | None = None
     model: _Model | None = None
 
     @model_validator(mode="after")
     def _whole(self) -> _Error:
-        blur = [value is None for name, value in self if name not in ("model", "texture_size")]
+        blur = [value is None for name, value in self if name not in ("model", "texture_size", "worst")]
         if any(blur) and not (all(blur) and self.model):
             raise ValueError("expected rms, p95, max, probes, method, storage and fit")
         return self
@@ -86,6 +87,7 @@ class _Manifest(Record):
     """Keys that readers of a folder rely on. Only those without which the textures cannot be used are required."""
 
     version: str = "?"
+    warnings: list[str] = Field([])
     config: dict[str, Any]
     inputs: dict[str, str] = Field({})
     irradiance: list[str] = Field(["irradiance.exr"])

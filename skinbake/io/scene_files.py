@@ -59,5 +59,5 @@ def read_scene(spec: SceneSpec, rays: bool = True, waiting: Waiting = unseen) ->
         builder = ThreadPoolExecutor(1)
         building = builder.submit(Occluder, mesh) if rays else None
         builder.shutdown(wait=False)
-        found, notes = read_look_maps(spec, mesh, tiles, maps.result() if maps else None)
-        return SceneData(mesh, found, environments.result(), building, notes)
+        found, notes, warnings = read_look_maps(spec, mesh, tiles, maps.result() if maps else None)
+        return SceneData(mesh, found, environments.result(), building, notes, warnings)

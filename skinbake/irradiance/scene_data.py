@@ -27,7 +27,9 @@ class SceneData:
     building : Future of Occluder, optional
         Of the mesh, where somebody has begun to make one.
     notes : tuple of str
-        What a person should know of the files, though they can be used.
+        What is used of the files, where that is not plain.
+    warnings : tuple of str
+        What is probably not meant, though it can be used.
     """
 
     mesh: SkinMesh
@@ -35,6 +37,7 @@ class SceneData:
     environments: Mapping[str, NDArray[np.float32]]
     building: Future[Occluder] | None = None
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def occluder(self) -> Occluder:

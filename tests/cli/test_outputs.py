@@ -45,6 +45,7 @@ def files(folder):
         ["check", "LOOK", "--out", ""],
         ["tradeoff", "LOOK", "--out", ""],
         ["truth", "LOOK", "--out", ""],
+        ["watch", "LOOK", "--out", ""],
         ["batch", "LOOK", "--out", ""],
         ["init", "head.obj", "--out", ""],
         ["preview", "FOLDER", "--out", ""],

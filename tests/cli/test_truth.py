@@ -111,6 +111,9 @@ def test_the_model_s_error_stays_with_its_lobes(look, capsys):
     measured = json.loads((look.parent / "out" / "bake.json").read_text())["error"]["model"]
     capsys.readouterr()
     assert run(["bake", str(look), "--no-preview"]) == 0
+    (verdict,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("verdict")]
+    assert verdict.endswith(f"; about {100 * measured['rms']:.2g} % from light transport")
+    assert run(["bake", str(look), "--no-preview", "--verbose"]) == 0
     said = capsys.readouterr().err
     assert f"the model's error, against light transport, 2 points: rms {measured['rms']:.1%}" in said
     assert "the blur's error, against the surface integral" in said
@@ -120,7 +123,7 @@ def test_the_model_s_error_stays_with_its_lobes(look, capsys):
     assert run(["bake", str(look), "--no-preview", "--force", "--set", "texturing.mode=post-scatter"]) == 0
     assert json.loads((look.parent / "out" / "bake.json").read_text())["error"]["model"] == measured
     assert run(["bake", str(look), "--no-preview", "--set", "skin.eta=1.1", "--set", "diffusion.probes=0"]) == 0
-    assert "not measured; skinbake truth LOOK does" in capsys.readouterr().err
+    assert "light transport not measured (`skinbake truth`)" in capsys.readouterr().err
     assert json.loads((look.parent / "out" / "bake.json").read_text())["error"] is None
 
 

@@ -1,0 +1,67 @@
+"""What of a look is probably not meant, though it bakes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from skinbake.irradiance.light_texels import DARK
+
+if TYPE_CHECKING:
+    from skinbake.irradiance.scene_data import SceneData
+    from skinbake.pipeline import Baked
+    from skinbake.profile import GaussianSum
+    from skinbake.scene.spec import SceneSpec
+
+LARGEST_TEXTURE = 16384  # that is proposed
+MARK = "warning"
+
+
+def look_warnings(spec: SceneSpec, scene: SceneData, texel_mm: float, gaussians: GaussianSum) -> list[str]:
+    """Warnings that a look has before any light is traced.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    scene : SceneData
+        Its files.
+    texel_mm : float
+        Median side of a texel on the skin.
+    gaussians : GaussianSum
+        The fitted profile.
+    """
+    return [*scene.warnings, *_coarse(spec, texel_mm, gaussians)]
+
+
+def bake_warnings(before: Mapping[str, Any], found: Sequence[str] | None, baked: Baked) -> list[str]:
+    """Warnings of a bake.
+
+    Parameters
+    ----------
+    before : mapping
+        The folder's last manifest.
+    found : sequence of str, optional
+        Those of `look_warnings`; None where nothing was traced, and the last bake's hold.
+    baked : Baked
+    """
+    dark = [f"light {line.term}: {line.why}" for line in baked.plan if line.why == DARK]
+    if found is None:
+        found = [str(line) for line in before.get("warnings", ()) if line not in dark]
+    return [*found, *dark]
+
+
+def _coarse(spec: SceneSpec, texel_mm: float, gaussians: GaussianSum) -> list[str]:
+    """A sentence where texels are longer than the way that red light scatters on average: little of it then shows."""
+    weight = gaussians.weight_rgb[:, 0]
+    spread_mm = float(weight @ gaussians.variance_mm2**0.5 / max(weight.sum(), 1e-12))
+    if texel_mm <= spread_mm:
+        return []
+    width, height = spec.texture.size
+    times = 2
+    while texel_mm / times > spread_mm and max(width, height) * times < LARGEST_TEXTURE:
+        times *= 2
+    finer = str(width * times) if width == height else f"[{width * times}, {height * times}]"
+    return [
+        f"texels of {texel_mm:.2g} mm are coarser than the {spread_mm:.2g} mm that red light scatters on average, so"
+        f" scattering hardly shows: texture.size: {finer} makes them {texel_mm / times:.2g} mm"
+    ]
