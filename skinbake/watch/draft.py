@@ -89,5 +89,6 @@ class Drafter:
                 refuse_spoilt(uv_report(scene.mesh, stages.raster.result()), spec.mesh.path)
                 self._checked = key
             baked = pipeline.bake(stages)
-        shown = scene_of(spec, inputs.decisions, scene, baked.irradiance, baked.diffuse, separate=True)
+        table = baked.gaussians.table
+        shown = scene_of(spec, inputs.decisions, scene, baked.irradiance, baked.diffuse, table, separate=True)
         return Draft(spec, shown)
