@@ -9,11 +9,26 @@ import click
 @click.option("--reference", is_flag=True, help="The page of every key, in Markdown.")
 def command(reference: bool) -> None:
     """Print the JSON schema of a look: editors complete and check looks with it."""
+    click.echo(reference_text() if reference else schema_text(), nl=False)
+
+
+def schema_text() -> str:
+    """The schema as JSON."""
     import json
 
-    from skinbake.diffuse.methods import METHODS
-    from skinbake.scene.schema import look_schema, reference_page
+    from skinbake.scene.schema import look_schema
 
-    methods = [method.name for method in METHODS.values() if method.asked_for]
-    text = reference_page(methods) if reference else json.dumps(look_schema(methods), indent=1)
-    click.echo(text, nl=not reference)
+    return json.dumps(look_schema(_methods()), indent=1) + "\n"
+
+
+def reference_text() -> str:
+    """The page of every key."""
+    from skinbake.scene.schema import reference_page
+
+    return reference_page(_methods())
+
+
+def _methods() -> list[str]:
+    from skinbake.diffuse.methods import METHODS
+
+    return [method.name for method in METHODS.values() if method.asked_for]

@@ -14,6 +14,7 @@ from skinbake.scene import frames, lights, skin, spec
 from skinbake.scene.skin import _Skin
 from skinbake.scene.strict import Strict
 
+TITLE = "A look of skinbake"
 _MODULES: tuple[ModuleType, ...] = (spec, skin, lights, frames)
 _ORDER = ("mesh", "occluders", "maps", "texture", "skin", "lights", "diffusion", "texturing", "specular", "terms")
 
@@ -55,7 +56,7 @@ def look_schema(methods: Sequence[str]) -> dict[str, Any]:
     schema |= {"if": {"not": {"required": ["relight"]}}, "then": {"properties": {"lights": {"minItems": 1}}}}
     # What every file may say of itself, for editors
     schema["properties"]["$schema"] = {"type": "string", "description": "Where this schema lies."}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A look of skinbake"} | {
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": TITLE} | {
         key: value for key, value in schema.items() if key != "title"
     }
 
@@ -99,7 +100,8 @@ def reference_page(methods: Sequence[str]) -> str:
 _HEAD = """# Every key of a look
 
 Made from the schema by `skinbake schema --reference`; a test looks that it is up to date. `skinbake schema` prints the
-schema itself. With it beside your looks, editors complete and check them when the file begins with
+schema itself. `skinbake init` writes it beside the look that it makes; with it, editors complete and check looks that
+begin with
 
 ```yaml
 # yaml-language-server: $schema=skinbake.schema.json
@@ -108,6 +110,8 @@ schema itself. With it beside your looks, editors complete and check them when t
 Lengths are millimetres, colours linear Rec.709 unless a file says otherwise, y is up and the face looks along +z.
 `direction` is where light travels to. Relative paths are relative to the file that they stand in, `${NAME:-default}` in
 them is a variable of the environment.
+
+![Axes, and which way lights and skies face](directions.svg)
 """
 
 

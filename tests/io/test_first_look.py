@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+
+import jsonschema
 import numpy as np
 import pytest
 
@@ -10,6 +13,8 @@ from skinbake.cli.check import examine
 from skinbake.io.config import load_look
 from skinbake.io.mesh import read_look_mesh, write_obj
 from skinbake.io.png import write_png
+from skinbake.io.schema_file import HEADER
+from skinbake.io.yaml_lines import read_yaml
 from tests.conftest import ROOT
 from tests.gltf_files import Gltf, plain, vertices_of
 from tests.shapes import quad, sphere
@@ -218,3 +223,21 @@ def test_names_that_yaml_would_mistake(tmp_path):
     spec = started(tmp_path, "my head, 2.obj")
     assert set(spec.mesh.skin) == {"on", "Head [1]: ä", "it's", "skin"}
     assert len(read_look_mesh(spec).casters.faces) == 1
+
+
+def test_editors_find_the_schema_beside_the_look(tmp_path):
+    """The header names a valid file that lies there; an older one is renewed, one of others stays and is not named."""
+    write_obj(tmp_path / "head.obj", sphere(100.0, "latlong", 12))
+    started(tmp_path, "head.obj")
+    assert (tmp_path / "me.yaml").read_text().splitlines()[0] == HEADER
+    schema = tmp_path / HEADER.partition("=")[2]
+    whole = schema.read_text()
+    jsonschema.validate(read_yaml(tmp_path / "me.yaml").value, json.loads(whole))
+    schema.write_text(json.dumps({"title": json.loads(whole)["title"]}))
+    started(tmp_path, "head.obj")
+    assert schema.read_text() == whole
+    for other in ('{"title": "mine"}', "mine"):
+        schema.write_text(other)
+        started(tmp_path, "head.obj")
+        assert schema.read_text() == other
+        assert HEADER not in (tmp_path / "me.yaml").read_text()
