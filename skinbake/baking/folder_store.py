@@ -32,7 +32,7 @@ from skinbake.io.mesh import write_obj
 from skinbake.io.output_names import FIT_FILES, MESH, PICTURE, PICTURE_KEY
 from skinbake.io.png import write_png
 from skinbake.io.profile import read_gaussians, write_fit
-from skinbake.io.relight import TEXTURES, USE, read_use, transfer_of, write_transfer
+from skinbake.io.relight import TEXTURES, USE, VISIBILITY, read_use, transfer_of, write_transfer
 from skinbake.io.tx import is_current, tx_paths, write_tx
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import FitReport, GaussianSum
@@ -255,7 +255,7 @@ class FolderStore:
             return None
         try:
             use = read_use(self.folder)
-            paths = [self.folder / name for name in (*use["files"].values(), USE)]
+            paths = [self.folder / name for name in (*use["files"].values(), *use["visibility"].values(), USE)]
             there = use["key"] == key and all(path.is_file() and self._files.as_left(path) for path in paths)
             headers = [part_keys(path) for path in paths[:-1]] if there else []
             if not there or not all(set(header.values()) == {key} for header in headers):
@@ -268,7 +268,8 @@ class FolderStore:
 
     def keep_transfer(self, transfer: Transfer, provenance: Provenance) -> None:
         """Write relight.exr and relight.json."""
-        names = {tile_path(self.folder / TEXTURES, tile, self._udim).name for tile in transfer.textures} | {USE}
+        files = (TEXTURES, VISIBILITY)
+        names = {tile_path(self.folder / f, tile, self._udim).name for f in files for tile in transfer.textures} | {USE}
         self._begin(names)
         (self.folder / USE).unlink(missing_ok=True)  # that of other textures
         header, output = self._header(provenance), self._output

@@ -11,6 +11,7 @@ from skinbake.io.png import write_png
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode, parse_mode
 from skinbake.preview.picture_part import refuse_picture_too_large
+from skinbake.preview.relit import LaterLight
 from skinbake.preview.views import View, plan_views, side_by_side, tone_map
 from skinbake.progress import Progress
 from skinbake.scene.spec import PreviewSpec
@@ -32,6 +33,8 @@ def render(
     supersample: int = 2,
     progress: Progress | None = None,
     inputs: Iterable[Path] = (),
+    later: LaterLight | None = None,
+    turn: str = "camera",
 ) -> list[Path]:
     """Render pictures into a folder and give the paths of the PNGs; the defaults render out/preview.png.
 
@@ -64,6 +67,10 @@ def render(
         Shows how far it is, and each path.
     inputs : iterable of Path
         Files that no picture is written over.
+    later : LaterLight, optional
+        The light of a scene of `relit_scene`.
+    turn : "camera" or "light"
+        What goes around in a turntable.
 
     Raises
     ------
@@ -77,15 +84,24 @@ def render(
     modes = [Mode("none"), shown] if compare else [shown]
     exposure = look.exposure if exposure is None else exposure
     refuse_picture_too_large(size, len(modes))
-    planned: list[View] = plan_views(renderer.scene.mesh, views or [look.view], turntable, size[0] / size[1])
+    frames = turntable if turn == "light" else None
+    planned = plan_views(renderer.scene.mesh, views or [look.view], None if frames else turntable, size[0] / size[1])
+    lit = [later] * len(planned)
+    if frames and later is not None:
+        lit = [later.turned(360.0 * k / frames) for _ in planned for k in range(frames)]
+        planned = [
+            View(f"{each.name}_{k:04d}" if len(planned) > 1 else f"{k:04d}", each.camera)
+            for each in planned
+            for k in range(frames)
+        ]
     names = ["preview"] if len(planned) == 1 else [f"preview_{each.name}" for each in planned]
     paths = [Path(png)] if png else [out / f"{name}{'_compare' if compare else ''}.png" for name in names]
     refuse_inputs([*paths, *(path.with_suffix(".exr") for path in paths if exr)], inputs)
     progress = progress or Progress(shown=False)
     with progress.task("drawing", total=len(planned)) as task:
-        for task.done, (each, path) in enumerate(zip(planned, paths, strict=True)):
+        for task.done, (each, light, path) in enumerate(zip(planned, lit, paths, strict=True)):
             task.note = f"{each.name}, {task.done + 1} of {len(planned)}"
-            image = side_by_side([renderer.draw(each.camera, size, m, gains, supersample) for m in modes])
+            image = side_by_side([renderer.draw(each.camera, size, m, gains, supersample, later=light) for m in modes])
             write_png(path, tone_map(image, look.background_rgb, exposure))
             if exr:
                 channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from skinbake.cli.options import Output, Within, bake_folder, quiet_option
 from skinbake.errors import InputError
+
+if TYPE_CHECKING:
+    from skinbake.irradiance.environment_map import Image
+    from skinbake.preview.relit import LaterLight
+    from skinbake.preview.relit_controls import RelitControls
 
 
 @click.command("preview")
@@ -30,6 +37,22 @@ from skinbake.errors import InputError
 @click.option("--lights", metavar="NAME=GAIN,...", help="Gain of each light: key=1.5,rim=0.5 or key=1/0.9/0.8.")
 @click.option("--exposure", type=Within(-100, 100), metavar="STOPS", help="Brightness of the PNGs.")
 @click.option("--supersample", type=click.IntRange(1, 8), default=2, show_default=True, help="N x N points a pixel.")
+@click.option(
+    "--environment",
+    metavar="FILE",
+    help="Sky: .exr, .hdr, or studio or sunset; of a bake with relight: in its look.",
+)
+@click.option("--rotate", type=Within(-3600, 3600), default=0.0, metavar="DEG", help="Turn sky and suns about +y.")
+@click.option(
+    "--sun", "suns", multiple=True, metavar="X,Y,Z=R/G/B", help="Sunlight that travels along X,Y,Z; may be repeated."
+)
+@click.option(
+    "--turn",
+    type=click.Choice(["camera", "light"]),
+    default="camera",
+    show_default=True,
+    help="What goes around.",
+)
 @quiet_option
 def command(
     folder: str,
@@ -44,12 +67,17 @@ def command(
     lights: str | None,
     exposure: float | None,
     supersample: int,
+    environment: str | None,
+    rotate: float,
+    suns: tuple[str, ...],
+    turn: str,
     verbosity: int,
 ) -> None:
     """Show what a bake left in FOLDER, or in the folder of the look FOLDER.yaml: in a window, or as pictures.
 
     Pictures come with --out, --png, --exr, --views, --turntable or --compare.
-    Without a display, writes FOLDER/preview.png.
+    Without a display, writes FOLDER/preview.png. With --environment or --sun, which replace its lights, the look of the
+    bake must have `relight:`.
     """
     from skinbake.preview.platform import has_display
 
@@ -61,14 +89,23 @@ def command(
         raise InputError("--png: names one picture; give --out DIR for several")
     if png and Path(png).suffix.lower() != ".png":
         raise InputError(f"--png {png}: expected a name that ends in .png")
+    later = None
+    if environment or suns:
+        later = later_light(environment, rotate, suns)
+        if lights or compare or mode == "none":
+            raise InputError(
+                "--environment and --sun: expected neither --lights, --compare nor --mode none beside them"
+            )
+    elif rotate or turn == "light":
+        raise InputError("--rotate and --turn light: expected --environment or --sun, which they turn")
     if not pictures and has_display():
-        from skinbake.io.bake_folder import read_bake_folder
+        from skinbake.io.bake_folder import read_bake_folder, read_relit_folder
         from skinbake.preview.window import show
         from skinbake.progress import Progress
 
         with Progress(verbosity > 0).task("reading the bake"):
-            baked = read_bake_folder(folder)
-        show(baked.scene, baked.spec.preview, pixels, mode, gains, exposure)
+            baked = read_relit_folder(folder) if later else read_bake_folder(folder)
+        show(baked.scene, baked.spec.preview, pixels, mode, gains, exposure, relit_controls(later, environment))
         return
     render_still(
         folder,
@@ -83,6 +120,8 @@ def command(
         gains=gains,
         exposure=exposure,
         supersample=supersample,
+        later=later,
+        turn=turn,
         verbosity=verbosity,
     )
 
@@ -91,6 +130,7 @@ def render_still(
     folder: Path | str,
     out: Path | str | None = None,
     gains: dict[str, list[float]] | None = None,
+    later: LaterLight | None = None,
     verbosity: int = 0,
     **how: Any,
 ) -> list[Path]:
@@ -102,12 +142,14 @@ def render_still(
     out : path, optional
         Folder for the pictures; FOLDER/preview.png unless given.
     gains : mapping of light name to float or RGB, optional
+    later : LaterLight, optional
+        In place of the bake's lights.
     verbosity : int
     **how
         As `preview_worker.render`.
     """
     from skinbake.baking.render_views import render
-    from skinbake.io.bake_folder import read_bake_folder
+    from skinbake.io.bake_folder import read_bake_folder, read_relit_folder
     from skinbake.io.fingerprint import every_input
     from skinbake.io.output_names import PICTURE, PICTURE_KEY, is_output
     from skinbake.preview.draw import OffscreenRenderer
@@ -115,7 +157,7 @@ def render_still(
 
     progress = Progress(verbosity > 0)
     with progress.task("reading the bake"):
-        baked = read_bake_folder(folder, summed=not gains)
+        baked = read_relit_folder(folder) if later else read_bake_folder(folder, summed=not gains)
     textures = [
         path for path in baked.path.iterdir() if is_output(path.name) and path.name not in (PICTURE, PICTURE_KEY)
     ]
@@ -124,7 +166,71 @@ def render_still(
     with progress.task("starting OpenGL"):
         renderer = OffscreenRenderer(baked.scene)
     with renderer:
-        return render(renderer, baked.spec.preview, out, gains=gains, progress=progress, inputs=inputs, **how)
+        return render(
+            renderer, baked.spec.preview, out, gains=gains, progress=progress, inputs=inputs, later=later, **how
+        )
+
+
+def later_light(environment: str | None, rotate_deg: float, suns: tuple[str, ...]) -> LaterLight:
+    """Light of --environment, --rotate and --sun.
+
+    Parameters
+    ----------
+    environment : str, optional
+        File of a sky, or the name of one of ours.
+    rotate_deg : float
+    suns : tuple of str
+
+    Raises
+    ------
+    InputError
+        No such sky, or a sun that is none.
+    """
+    from skinbake.io.environment import read_sky
+    from skinbake.preview.relit import LaterLight
+
+    sky = None if environment is None else read_sky(environment)
+    return LaterLight(sky, tuple(map(parse_sun, suns)), rotate_deg)
+
+
+def relit_controls(later: LaterLight | None, environment: str | None) -> RelitControls | None:
+    """What the window does with light of the command line; K goes through its sky and ours.
+
+    Parameters
+    ----------
+    later : LaterLight, optional
+    environment : str, optional
+    """
+    from skinbake.preview.relit_controls import RelitControls
+    from skinbake.relight.skies import made_sky, sky_names
+
+    if later is None:
+        return None
+    skies: dict[str, Callable[[], Image]] = {name: partial(made_sky, name) for name in sky_names()}
+    given, sky = Path(environment or "").stem, later.sky
+    if sky is not None and given not in skies:
+        skies = {given: lambda: sky} | skies
+    return RelitControls(later, given, skies)
+
+
+def parse_sun(text: str) -> tuple[list[float], list[float]]:
+    """Direction of the light and irradiance R, G, B of "x,y,z=r/g/b" or "x,y,z=e".
+
+    Raises
+    ------
+    InputError
+        Anything else.
+    """
+    way, _, colour = text.partition("=")
+    try:
+        direction, irradiance = [float(x) for x in way.split(",")], [float(x) for x in colour.split("/")]
+    except ValueError:
+        direction, irradiance = [], []
+    irradiance = irradiance * 3 if len(irradiance) == 1 else irradiance
+    finite = all(abs(x) <= 1e9 for x in (*direction, *irradiance))  # NaN compares false
+    if len(direction) != 3 or len(irradiance) != 3 or not finite or not any(direction) or min(irradiance) < 0:
+        raise InputError(f"--sun: expected X,Y,Z=R/G/B, where its light travels and its irradiance, got {text}")
+    return direction, irradiance
 
 
 def _names(views: str | None) -> list[str]:

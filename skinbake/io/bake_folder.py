@@ -18,7 +18,9 @@ from skinbake.io.lobes import is_transmission
 from skinbake.io.look_maps import read_look_maps
 from skinbake.io.manifest import NAME, read_manifest, spec_of, table_of
 from skinbake.io.mesh import read_look_mesh
+from skinbake.io.relight import transfer_of
 from skinbake.kernels.half import as_half
+from skinbake.preview.relit import relit_scene
 from skinbake.preview.scene import PreviewLobe, PreviewScene
 from skinbake.scene.maps import IMAGES, SkinMaps
 from skinbake.scene.spec import SceneSpec
@@ -49,14 +51,11 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
     InputError
         Something is missing or does not fit the manifest; the message says what, and that a new bake mends it.
     """
-    folder = Path(path)
-    folder = folder.parent if folder.name == NAME else folder
-    if not folder.is_dir():
+    folder, manifest, spec = _look_of(path)
+    if not manifest["lobes"]:
         raise InputError(
-            f"{folder}: expected a bake folder, found none; `skinbake bake CONFIG --out {folder}` makes one"
+            f"{folder}: expected a bake with lights, got one for those that come later: give --environment or --sun"
         )
-    manifest = read_manifest(folder)
-    spec = spec_of(manifest, folder)
     names = tuple(manifest["lights"] or [light.name for light in spec.lights])
     if names != tuple(light.name for light in spec.lights):
         raise InputError(f"{folder / NAME}: expected lights {[light.name for light in spec.lights]}, got {list(names)}")
@@ -88,6 +87,46 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
     except ValueError as error:
         raise InputError(f"{folder}: {error}; bake it again") from error
     return BakeFolder(folder, spec, scene)
+
+
+def read_relit_folder(path: Path | str) -> BakeFolder:
+    """Read what a bake's `relight` left, to be drawn with lights that come later.
+
+    Raises
+    ------
+    InputError
+        There is no such bake, or something is missing or damaged.
+    """
+    folder, manifest, spec = _look_of(path)
+    if not manifest["relight"]:
+        raise InputError(f"{folder}: expected a bake with relight: in its look, got one without")
+    transfer = transfer_of(folder)
+    mesh = read_look_mesh(spec)
+    maps, _, _ = read_look_maps(spec, mesh, tuple(transfer.textures))
+    conserving = bool(manifest["terms"].get("energy_conservation", False))
+    scene = relit_scene(
+        transfer.basis, mesh, transfer.textures, transfer.visibility, half_maps(maps), spec.texturing, spec.specular,
+        conserving,
+    )  # fmt: skip
+    return BakeFolder(folder, spec, scene)
+
+
+def _look_of(path: Path | str) -> tuple[Path, dict[str, Any], SceneSpec]:
+    """Folder, manifest and look of a bake, named by its folder or its bake.json.
+
+    Raises
+    ------
+    InputError
+        There is no bake.
+    """
+    folder = Path(path)
+    folder = folder.parent if folder.name == NAME else folder
+    if not folder.is_dir():
+        raise InputError(
+            f"{folder}: expected a bake folder, found none; `skinbake bake CONFIG --out {folder}` makes one"
+        )
+    manifest = read_manifest(folder)
+    return folder, manifest, spec_of(manifest, folder)
 
 
 def _lobe(folder: Path, entry: dict[str, Any], spec: SceneSpec, names: tuple[str, ...] | None) -> PreviewLobe:

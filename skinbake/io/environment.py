@@ -12,6 +12,7 @@ from skinbake.errors import InputError
 from skinbake.io.image import read_radiance
 from skinbake.io.image_file import ImageHeader, read_header
 from skinbake.io.image_memory import image_bytes, refuse_beyond_memory
+from skinbake.relight.skies import made_sky, sky_names
 from skinbake.scene.lights import EnvironmentLight, LightSpec
 
 Image = NDArray[np.float32]
@@ -42,13 +43,15 @@ def read_environments(lights: Iterable[LightSpec]) -> dict[str, Image]:
 
 
 def read_sky(path: Path | str) -> Image:
-    """Equirectangular radiance (h, w, 3) of a file that no look names.
+    """Equirectangular radiance (h, w, 3) of a file that no look names, or of ours: studio, sunset.
 
     Raises
     ------
     InputError
         As `read_environments`.
     """
+    if str(path) in sky_names():
+        return made_sky(str(path))
     light = EnvironmentLight(name="sky", type="environment", path=str(path))
     return read_environments([light])["sky"]
 

@@ -25,7 +25,7 @@ from skinbake.relight.transfer import Transfer
 from skinbake.scene.decision import Decision
 from skinbake.stored_precision import as_stored
 
-TEXTURES, USE = RELIGHT
+TEXTURES, VISIBILITY, USE = RELIGHT
 PROJECTION = (
     "A light is c_k = sum_j of_harmonics[k][j] h_j a channel, and M = max(0, sum_k c_k basis.k). h_j of a sky is the "
     "integral of radiance times Y_j, of a sun its irradiance times Y_j towards it (where it comes from). Y_j are real "
@@ -53,6 +53,7 @@ class _Use(Record):
     basis: str
     key: str
     files: dict[str, str] = Field(min_length=1)
+    visibility: dict[str, str] = Field(min_length=1)
     size: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=2, max_length=2)]
     of_harmonics: list[list[float]] = Field(min_length=1)
     error: dict[str, _KindRecord]
@@ -98,6 +99,10 @@ def write_transfer(
     for tile, textures in transfer.textures.items():
         parts = [Part(part_name(k), rgb_channels(image)) for k, image in enumerate(textures)]
         write_parts(files[tile], parts, dict(attributes) | {"skinbake:key": key}, precision, compression)
+    for tile, seen in transfer.visibility.items():
+        parts = [Part(f"visibility.{k}", rgb_channels(image)) for k, image in enumerate(seen)]
+        path = tile_path(folder / VISIBILITY, tile, udim)
+        write_parts(path, parts, dict(attributes) | {"skinbake:key": key}, "half", compression)
     height, width = next(iter(transfer.textures.values())).shape[1:3]
     basis = transfer.basis
     record = {
@@ -106,6 +111,7 @@ def write_transfer(
         "version": skinbake.__version__,
         "key": key,
         "files": {str(tile): path.name for tile, path in files.items()},
+        "visibility": {str(tile): tile_path(folder / VISIBILITY, tile, udim).name for tile in transfer.visibility},
         "size": [width, height],
         "error": {kind: error.record() for kind, error in transfer.error.items()},
         "judged_at": list(transfer.judged_at),
@@ -122,7 +128,8 @@ def write_transfer(
 def stored_transfer(transfer: Transfer, precision: str) -> Transfer:
     """A transfer as its files give it back, textures as (K, H, W, 3) rounded."""
     rounded = {tile: as_stored(textures, precision) for tile, textures in transfer.textures.items()}
-    return Transfer(transfer.basis, rounded, transfer.error, transfer.judged_at, transfer.plan)
+    seen = {tile: as_stored(image, "half") for tile, image in transfer.visibility.items()}
+    return Transfer(transfer.basis, rounded, seen, transfer.error, transfer.judged_at, transfer.plan)
 
 
 def read_use(folder: Path) -> dict[str, Any]:
@@ -162,17 +169,19 @@ def transfer_of(folder: Path, tiles: bool = True) -> Transfer:
         raise InputError(f"{folder / USE}: of_harmonics: expected rows of a square number of finite values")
     # A reader has no use for the radiance of the lights themselves
     basis = LightBasis(use["basis"], matrix, np.zeros((matrix.shape[1], 0)))
-    textures = {}
-    for tile, name in use["files"].items():
-        textures[int(tile) if tile.isdecimal() else FIRST_TILE] = (
-            _read(folder / name, len(matrix)) if tiles else np.zeros((0, use["size"][1], use["size"][0], 3), np.float16)
-        )
+    textures, seen = {}, {}
+    for number, name in use["files"].items():
+        tile = int(number) if number.isdecimal() else FIRST_TILE
+        textures[tile] = np.zeros((0, use["size"][1], use["size"][0], 3), np.float16)
+        if tiles:
+            textures[tile] = _read(folder / name, [part_name(k) for k in range(len(matrix))])
+            path = folder / use["visibility"].get(number, VISIBILITY)
+            seen[tile] = _read(path, [f"visibility.{k}" for k in range(3)])
     width, height = use["judged_at"]
-    return Transfer(basis, textures, error, (width, height), plan)
+    return Transfer(basis, textures, seen, error, (width, height), plan)
 
 
-def _read(path: Path, count: int) -> NDArray[np.floating]:
-    """Textures of a tile, (K, H, W, 3)."""
+def _read(path: Path, names: list[str]) -> NDArray[np.floating]:
+    """Parts of a file, (K, H, W, 3)."""
     parts = read_parts(path)
-    names = [part_name(k) for k in range(count)]
     return np.stack([np.stack([channel_of(path, parts, name, c) for c in "RGB"], axis=-1) for name in names])

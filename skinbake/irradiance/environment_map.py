@@ -71,6 +71,18 @@ class SkySamples:
 
         `offset`, from 0 to 1, shifts the sequence.
         """
+        directions, radiance, solid = self.draw_parts(count, offset)
+        return directions, (radiance * solid[:, None]).astype(np.float32)
+
+    def draw_parts(self, count: int, offset: float = 0.0) -> tuple[Image, Image, Float]:
+        """Unit directions (count, 3), their radiance (count, 3), and the part of the sphere each stands for, (count,).
+
+        Parameters
+        ----------
+        count : int
+        offset : float
+            As of `draw`.
+        """
         height, width = self._radiance.shape[:2]
         plastic = 1.32471795724474602596
         step = np.arange(count) + 0.5
@@ -93,8 +105,7 @@ class SkySamples:
         cosine = edges[row] + np.clip(in_row, 0, 1) * (edges[row + 1] - edges[row])
         v = 1 - np.arccos(np.clip(cosine, -1, 1)) / np.pi
         directions = direction_of((col + np.clip(in_col, 0, 1)) / width, v, self._rotate_deg)
-        stands_for = self._radiance[row, col] * (self._solid[row] / density / count)[:, None]
-        return directions.astype(np.float32), stands_for.astype(np.float32)
+        return directions.astype(np.float32), self._radiance[row, col], self._solid[row] / density / count
 
 
 def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Float:

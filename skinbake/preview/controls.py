@@ -9,6 +9,7 @@ import numpy as np
 
 from skinbake.numerics import Float
 from skinbake.preview.mode import Mode
+from skinbake.preview.relit_controls import NOT_RELIT, RELIT_HELP, RelitControls
 from skinbake.preview.scene import PreviewScene
 from skinbake.scene.lights import DirectionalLight, LightSpec, RectangleLight, SpotLight
 
@@ -75,6 +76,8 @@ def press(controls: Controls, start: Controls, scene: PreviewScene, key: str) ->
     scene : PreviewScene
     key : str
     """
+    if scene.basis is not None and key in NOT_RELIT:
+        return controls
     modes = {"F": Mode("full"), "D": Mode("diffuse"), "S": Mode("specular"), "N": Mode("none")}
     if key in modes:
         return replace(controls, mode=modes[key])
@@ -150,7 +153,9 @@ def _place(light: LightSpec) -> Float:
     return np.array(at, dtype=np.float64)
 
 
-def overlay(controls: Controls, scene: PreviewScene, frames_per_second: float) -> list[str]:
+def overlay(
+    controls: Controls, scene: PreviewScene, frames_per_second: float, relit: RelitControls | None = None
+) -> list[str]:
     """Lines of text over the picture: what is shown, how fast, the lights, and the help if asked for.
 
     Parameters
@@ -158,6 +163,8 @@ def overlay(controls: Controls, scene: PreviewScene, frames_per_second: float) -
     controls : Controls
     scene : PreviewScene
     frames_per_second : float
+    relit : RelitControls, optional
+        Light that comes later, in place of the bake's.
     """
     names = {
         "full": "everything",
@@ -173,8 +180,9 @@ def overlay(controls: Controls, scene: PreviewScene, frames_per_second: float) -
     else:
         shown = names[mode.name]
     lines = [f"{shown}   exposure {controls.exposure:+.2f}   {frames_per_second:.0f} fps   H: help"]
-    lines += _light_lines(controls, scene)
-    return [*lines, *HELP] if controls.help else lines
+    lines += _light_lines(controls, scene) if relit is None else [relit.line]
+    own = () if relit is None else RELIT_HELP
+    return [*lines, *own, *HELP] if controls.help else lines
 
 
 def _light_lines(controls: Controls, scene: PreviewScene) -> Sequence[str]:

@@ -13,6 +13,7 @@ from skinbake.errors import MachineError
 from skinbake.preview.camera import Camera
 from skinbake.preview.mode import Mode
 from skinbake.preview.platform import headless_context, release_context
+from skinbake.preview.relit import LaterLight, sky_samples
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_light import Gains, gains_rgb
 
@@ -96,6 +97,7 @@ class OffscreenRenderer:
         light_gains: Gains | None = None,
         supersample: int = 2,
         geometry: bool = False,
+        later: LaterLight | None = None,
     ) -> PreviewImage:
         """Draw one picture.
 
@@ -112,6 +114,8 @@ class OffscreenRenderer:
             and it smooths the specular of pores as well as edges.
         geometry : bool
             Also give the geometry buffer; needs supersample = 1.
+        later : LaterLight, optional
+            The light of a scene of `relit_scene`.
 
         Raises
         ------
@@ -120,7 +124,7 @@ class OffscreenRenderer:
         MachineError
             No memory for the picture.
         ValueError
-            If the geometry buffer is asked for with another `supersample`.
+            If the geometry buffer is asked for with another `supersample`, or `later` where lights do not.
         """
         if geometry and supersample != 1:
             raise ValueError(f"geometry: expected supersample 1, got {supersample}")
@@ -132,7 +136,12 @@ class OffscreenRenderer:
         renderer = self._renderer
         self._platform.make_current()
         renderer.mode = mode or Mode()
-        renderer.gains_rgb = gains_rgb(self.scene, light_gains)
+        if later is not None:
+            if self.scene.basis is None:
+                raise ValueError("later: expected a scene of relit_scene, got one with lights of its own")
+            renderer.show_later(later.coefficients(self.scene.basis), later.mirrored(sky_samples(self.device)))
+        else:
+            renderer.gains_rgb = gains_rgb(self.scene, light_gains)
         renderer.gbuffer = geometry
         attachments = GBUFFER_ATTACHMENTS if geometry else 1
         parts = tuple(parts_of(size, supersample, int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))))

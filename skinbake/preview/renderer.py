@@ -26,7 +26,7 @@ from skinbake.preview.mode import Mode
 from skinbake.preview.picture_part import PicturePart
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_defines import SHADERS, shader_defines
-from skinbake.preview.shader_light import shader_lights
+from skinbake.preview.shader_light import DIRECTIONAL, ShaderLight, shader_lights
 from skinbake.preview.target import FloatTarget
 from skinbake.preview.textures import TileTextures, table_bounds, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
@@ -95,7 +95,10 @@ class SkinRenderer(Renderer):
 
     def _check_units(self) -> None:
         """Refuse more lobes than this OpenGL has texture units for."""
-        needed, units = len(self.skin.lobes) + 7, int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_IMAGE_UNITS))
+        needed, units = (
+            len(self.skin.lobes) + (8 if self.skin.open_sky else 7),
+            int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_IMAGE_UNITS)),
+        )
         if needed > units:
             raise MachineError(
                 f"{len(self.skin.lobes)} lobes need {needed} texture units, this OpenGL has {units}; "
@@ -166,6 +169,21 @@ class SkinRenderer(Renderer):
         """Move the specular's lights; their baked light stays as it is."""
         self._shader_lights = shader_lights(lights)
 
+    def show_later(self, coefficients: Float, mirrored: tuple[ShaderLight, ...]) -> None:
+        """Light a scene whose lights come later.
+
+        Parameters
+        ----------
+        coefficients : ndarray of shape (K, 3)
+            Factor on each texture of the basis; may be negative.
+        mirrored : tuple of ShaderLight
+            What the oil mirrors.
+        """
+        # No light at all is one without colour: an array in a shader has an element
+        up = np.array([0.0, 1.0, 0.0])
+        nothing = ShaderLight(DIRECTIONAL, 0, up, up, (0.0, 1.0), np.zeros(3))
+        self.gains_rgb, self._shader_lights = coefficients, mirrored or (nothing,)
+
     def _uses_fold(self) -> bool:
         """Whether this frame reads lobes whose lights are summed."""
         return self.fold and self.skin.separate and len(self.skin.lights) > 1 and self.mode.name != "none"
@@ -222,7 +240,9 @@ class SkinRenderer(Renderer):
         one_lobe = mode.name == "lobe"
         weights = np.array([(1.0, 1.0, 1.0) if one_lobe else lobe.weight_rgb for lobe in skin.lobes])
         lights = np.array([light.light for light in self._shader_lights], np.int32)
-        colors = np.array([light.color_rgb for light in self._shader_lights]) * gains[lights]
+        colors = np.array([light.color_rgb for light in self._shader_lights]) * (
+            1.0 if skin.open_sky else gains[lights]
+        )
         self._set(program, "lobe_weight", weights)
         self._set(program, "layer_gain", self._layer_gains())
         self._set(program, "total_weight", skin.total_weight_rgb[None])

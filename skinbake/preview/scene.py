@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.profile.weight_table import WeightTable
+from skinbake.relight.basis import LightBasis
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -57,6 +58,10 @@ class PreviewScene:
         Whether the irradiance lost what the oil reflects; the way out then loses it as well, theory.md 7.1.
     separate : bool
         False where the bake stored all lights summed: lobes then have one layer, and lights no gains of their own.
+    open_sky : mapping of int to ndarray of shape (3, h, w, 3)
+        By tile, of a scene for lights that come later: harmonics Y_0 to Y_8 of what is open to the sky.
+    basis : LightBasis, optional
+        Of such a scene: the layers of its lobe are the lights of the basis.
     """
 
     mesh: SkinMesh
@@ -70,6 +75,8 @@ class PreviewScene:
     energy_conservation: bool = False
     separate: bool = True
     table: WeightTable | None = None
+    open_sky: Mapping[int, Texture] = field(default_factory=dict)
+    basis: LightBasis | None = None
 
     def __post_init__(self) -> None:
         textures = [(f"lobe {i}", lobe.rgb, 4) for i, lobe in enumerate(self.lobes)]

@@ -42,6 +42,7 @@ SWITCHES = (
     "HAS_ENVIRONMENT",
     "NEEDS_OIL_ALBEDO",
     "SKIN_TABLE",
+    "LIGHT_COMES_LATER",
 )
 
 
@@ -85,6 +86,7 @@ def shader_defines(
         "HAS_ENVIRONMENT": mirrored,
         "NEEDS_OIL_ALBEDO": conserving or mirrored,
         "SKIN_TABLE": varies,
+        "LIGHT_COMES_LATER": tile in scene.open_sky,
     }
     return (
         {

@@ -135,6 +135,8 @@ class TileTextures:
         }
         if scene.table is not None:
             self._images |= table_images(scene.table, maps, tile)
+        if tile in scene.open_sky:
+            self._images["open_sky"] = scene.open_sky[tile]
         self._own: dict[str, int] = {}
         self._shared = {"oil_albedo": oil_albedo}
         self.names = (*self._images, *self._shared)

@@ -14,6 +14,8 @@ from skinbake.errors import MachineError
 from skinbake.preview.camera import VIEWS, Camera, view
 from skinbake.preview.controls import Controls, overlay, press
 from skinbake.preview.mode import parse_mode
+from skinbake.preview.relit import sky_samples
+from skinbake.preview.relit_controls import RelitControls, press_relit
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_light import Gains, gains_rgb
 from skinbake.preview.text_overlay import overlay_text
@@ -34,6 +36,7 @@ def show(
     mode: str = "full",
     light_gains: Gains | None = None,
     exposure: float | None = None,
+    relit: RelitControls | None = None,
 ) -> None:
     """Open the window and stay until it is closed.
 
@@ -48,6 +51,8 @@ def show(
     light_gains : mapping of light name to float or RGB
     exposure : float, optional
         Stops, in place of the look's.
+    relit : RelitControls, optional
+        The light of a scene of `relit_scene`.
 
     Raises
     ------
@@ -56,7 +61,7 @@ def show(
     InputError
         An unknown mode, view or light.
     """
-    PreviewWindow(scene, look, size, mode, light_gains, exposure).run()
+    PreviewWindow(scene, look, size, mode, light_gains, exposure, relit).run()
 
 
 class PreviewWindow:
@@ -70,11 +75,14 @@ class PreviewWindow:
         mode: str = "full",
         light_gains: Gains | None = None,
         exposure: float | None = None,
+        relit: RelitControls | None = None,
     ) -> None:
         gains = tuple(gains_rgb(scene, light_gains))
         level = look.exposure if exposure is None else exposure
         self.start = Controls(scene.lights, gains, parse_mode(mode, len(scene.lobes)), level)
         self.controls = self.start
+        self.relit = self.start_relit = relit
+        self.light_moves = False
         self.scene, self.look = scene, look
         self.view_name: str = look.view
         width, height = size or look.size
@@ -147,8 +155,14 @@ class PreviewWindow:
                 renderer.target.delete()
             renderer.target = FloatTarget(width, height, samples=SAMPLES, half=True)
         renderer.mode = self.controls.mode
-        renderer.gains_rgb = self.controls.gains_rgb
-        renderer.set_lights(self.controls.lights)
+        if self.relit is None:
+            renderer.gains_rgb = self.controls.gains_rgb
+            renderer.set_lights(self.controls.lights)
+        else:
+            light, device = self.relit.light, str(GL.glGetString(GL.GL_RENDERER).decode())
+            assert self.scene.basis is not None
+            renderer.show_later(light.coefficients(self.scene.basis), light.mirrored(sky_samples(device)))
+            renderer.fold = not self.light_moves  # summing every texel pays where the next frame has the same light
         renderer.draw(self.camera)
         renderer.target.resolve()
         self._display(renderer.target)
@@ -204,7 +218,7 @@ class PreviewWindow:
     @property
     def lines(self) -> list[str]:
         """Lines of text over the picture."""
-        return overlay(self.controls, self.scene, self.fps)
+        return overlay(self.controls, self.scene, self.fps, self.relit)
 
     def pixels(self) -> NDArray[np.uint8]:
         """Pixels that the window would show now, (H, W, 3), row 0 at the top."""
@@ -244,6 +258,9 @@ class PreviewWindow:
                 width, height = self.window.get_size()
                 self.camera = view(self.scene.mesh, self.view_name, width / height)
             self.controls = press(self.controls, self.start, self.scene, name)
+            if self.relit is not None and self.start_relit is not None:
+                before, self.relit = self.relit, press_relit(self.relit, self.start_relit, name)
+                self.light_moves = self.relit is not before
         self.changed = True
         return True
 
@@ -251,7 +268,11 @@ class PreviewWindow:
         from pyglet.window import key, mouse
 
         height = self.window.get_size()[1]
-        if buttons & mouse.RIGHT:
+        self.light_moves = self.relit is not None and bool(modifiers & key.MOD_CTRL)
+        if self.light_moves:
+            assert self.relit is not None
+            self.relit = self.relit.dragged(dx * ORBIT_DEG_PER_PIXEL, dy * ORBIT_DEG_PER_PIXEL)
+        elif buttons & mouse.RIGHT:
             self.camera = self.camera.zoomed(2.0 ** (-dy / 100))
         elif buttons & mouse.MIDDLE or modifiers & key.MOD_SHIFT:
             self.camera = self.camera.panned(-dx / height, -dy / height)

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, face_mm_per_texel, rasterize
+from skinbake.atlas import Atlas, Tiles, face_mm_per_texel, rasterize
 from skinbake.irradiance.environment_plan import all_around
 from skinbake.irradiance.environment_share import aim
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.surface import texel_surface
 from skinbake.kernels.compile import kernel
-from skinbake.kernels.threads import for_slices
+from skinbake.kernels.threads import for_slices, parallel_for
+from skinbake.relight.harmonics import harmonics
 from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
@@ -22,6 +23,7 @@ DIRECTIONS = 1024  # all around, half of them above a texel's horizon
 TEXEL_MM = 2.0  # of the small atlas; penumbras of what 25 textures can hold are a centimetre and more wide
 SMALLEST = 64  # texels of its shorter side
 WHOLE = 255  # a share of 1
+SEEN_ORDER = 2  # of harmonics by which the oil knows what is open
 RAYS = 1 << 16  # that a thread has in memory at a time
 
 
@@ -118,6 +120,43 @@ def _traced(origin: Image, normal: Image, towards: Image, occluder: Occluder | N
 
     for_slices(trace, len(origin), max(1, RAYS // len(towards)))
     return share
+
+
+def visibility_harmonics(sky: OpenSky) -> Tiles:
+    """What is open to the sky as harmonics of the direction up to order 2, (3, h, w, 3) a tile: Y_0 to Y_8 in turn.
+
+    Enough to tell which half of the sky an eye socket sees; the shader reads it for what the oil mirrors.
+    """
+    part = harmonics(sky.towards, SEEN_ORDER).astype(np.float32) * np.float32(4 * np.pi / len(sky.towards) / WHOLE)
+    out = {}
+    for raster in sky.atlas:
+        share, row = sky.share[raster.tile], sky.row[raster.tile]
+        values = np.zeros((len(share), 9), np.float32)
+        parallel_for(_project, len(share), share, part, values)
+        image = np.zeros((*row.shape, 9), np.float32)
+        image[row >= 0] = values[row[row >= 0]]
+        out[raster.tile] = np.ascontiguousarray(np.moveaxis(image.reshape(*row.shape, 3, 3), 2, 0))
+    return out
+
+
+@kernel
+def _project(first: int, stop: int, share: NDArray[np.uint8], part: Image, out: Image) -> None:
+    """Products of shares with harmonics.
+
+    Parameters
+    ----------
+    first, stop : int
+        Points.
+    share : ndarray of shape (n, D)
+    part : ndarray of shape (D, J)
+    out : ndarray of shape (n, J)
+        Added to: zeros.
+    """
+    for i in range(first, stop):
+        for d in range(share.shape[1]):
+            seen = np.float32(share[i, d])
+            for j in range(part.shape[1]):
+                out[i, j] += seen * part[d, j]
 
 
 @kernel

@@ -181,6 +181,7 @@ class Scattering:
         lobe, line = transmit(
             diffused, self._scene.mesh, self._gaussians, texture.size, texture.gutter, texture.udim,
             total / sum(map(np.sum, area)), self._through, spec.diffusion.tolerance, self._scene.occluder, self._medium,
+            self._budget.terms_left("relight"),
             scatter=uniform_scatter(self._gaussians, spec.skin),
         )  # fmt: skip
         if first:

@@ -23,7 +23,7 @@ from skinbake.relight.choose_basis import choose_basis
 from skinbake.relight.harmonics import harmonics, harmonics_of_sky
 from skinbake.relight.judge_basis import DirectBake, judge_basis
 from skinbake.relight.light_error import KindError
-from skinbake.relight.open_sky import OpenSky, open_sky, small_size
+from skinbake.relight.open_sky import OpenSky, open_sky, small_size, visibility_harmonics
 from skinbake.relight.scattering import Scattering
 from skinbake.relight.unseen_lights import choosing_skies, unseen_lights
 from skinbake.scene.budget import budget_of
@@ -49,6 +49,8 @@ class Transfer:
     basis : LightBasis
     textures : dict of int to ndarray of shape (K, H, W, 3), float32
         By tile: M under each light of the basis, before what of the albedo comes after scattering.
+    visibility : dict of int to ndarray of shape (3, h, w, 3)
+        By tile: what is open to the sky, as `visibility_harmonics` gives it.
     error : mapping of str to KindError
         On lights that the basis was not made from.
     judged_at : (width, height)
@@ -58,6 +60,7 @@ class Transfer:
 
     basis: LightBasis
     textures: Tiles
+    visibility: Tiles
     error: Mapping[str, KindError]
     judged_at: tuple[int, int]
     plan: tuple[Decision, ...]
@@ -133,7 +136,7 @@ def make_transfer(
     error = judge_basis(bake, basis, compared, unseen_lights(spec.output.seed), say)
     # What they leave wrong is in the measured error, and no part of what lights of the look may be wrong by
     plan = tuple(replace(line, error=0.0) for line in lines)
-    return Transfer(basis, textures, error, small.texture.size, plan)
+    return Transfer(basis, textures, visibility_harmonics(sky), error, small.texture.size, plan)
 
 
 def _slant(

@@ -3,6 +3,7 @@
 // explains are written in by skinbake/preview/renderer.py: constants of the bake, and how many lobes and lights there are.
 
 const float PI = 3.14159265358979;
+const float LOBE_END = 16.0;  // squared slope over m^2, from which on a lobe counts as black
 
 in vec3 frag_position;
 in vec3 frag_normal;
@@ -39,8 +40,12 @@ uniform int light_kind[N_LIGHTS];
 uniform int light_layer[N_LIGHTS];
 uniform vec3 light_at[N_LIGHTS];     // position, or unit vector towards a directional light
 uniform vec3 light_axis[N_LIGHTS];
-uniform vec2 light_cosines[N_LIGHTS]; // of a spot's outer and inner angle
+uniform vec2 light_cosines[N_LIGHTS]; // of a spot's outer and inner angle; of light that comes later what widens m^2
 uniform vec3 light_color[N_LIGHTS];  // irradiance facing it, or intensity; with the light's gain
+
+#ifdef LIGHT_COMES_LATER
+uniform sampler2DArray open_sky;  // harmonics Y_0 to Y_8 of the directions that are open, three a layer
+#endif
 
 layout(location = 0) out vec4 radiance;
 #ifdef GBUFFER
@@ -138,6 +143,17 @@ vec3 to_light(int i, out vec3 arriving)
     return l;
 }
 
+#ifdef LIGHT_COMES_LATER
+// Whether direction l is open, from harmonics up to order 2; pole +y, azimuth from +z towards +x
+float is_open(mat3 seen, vec3 l)
+{
+    vec3 low = vec3(0.282095, 0.488603 * l.x, 0.488603 * l.y);
+    vec3 middle = vec3(0.488603 * l.z, 1.092548 * l.x * l.z, 1.092548 * l.x * l.y);
+    vec3 high = vec3(0.315392 * (3.0 * l.y * l.y - 1.0), 1.092548 * l.y * l.z, 0.546274 * (l.z * l.z - l.x * l.x));
+    return clamp(dot(seen[0], low) + dot(seen[1], middle) + dot(seen[2], high), 0.0, 1.0);
+}
+#endif
+
 void main()
 {
     vec3 smooth_normal = normalize(frag_normal);
@@ -175,6 +191,9 @@ void main()
     exitance *= pow(max(texture(albedo, vec3(frag_uv, 0.0)).rgb, 0.0), vec3(albedo_exponent_after));
 #endif
 #endif
+#ifdef LIGHT_COMES_LATER
+    exitance = max(exitance, 0.0);  // the series of a hard light rings below 0
+#endif
 #ifdef ENERGY_CONSERVATION
     exitance *= 1.0 - reflected;  // theory.md 7.1
 #endif
@@ -182,6 +201,10 @@ void main()
 #endif
 
 #ifdef SHOW_SPECULAR
+#ifdef LIGHT_COMES_LATER
+    mat3 seen_sky = mat3(texture(open_sky, vec3(frag_uv, 0.0)).rgb, texture(open_sky, vec3(frag_uv, 1.0)).rgb,
+                         texture(open_sky, vec3(frag_uv, 2.0)).rgb);
+#endif
     for (int i = 0; i < N_LIGHTS; ++i) {
 #ifdef HAS_ENVIRONMENT
         if (light_kind[i] == ENVIRONMENT) {
@@ -194,12 +217,24 @@ void main()
         vec3 arriving;
         vec3 l = to_light(i, arriving);
         float n_dot_l = dot(n, l);
+#ifdef LIGHT_COMES_LATER
+        float width = sqrt(m * m + light_cosines[i].x);
+        vec3 h = l + v;
+        float n_dot_h = dot(n, h);
+        if (n_dot_h * n_dot_h * (1.0 + LOBE_END * width * width) < dot(h, h))
+            continue;  // beyond e^-LOBE_END of the lobe's top: most directions of a sky are
+#endif
         if (n_dot_l > 0.0) {
+#ifdef LIGHT_COMES_LATER
+            float seen = is_open(seen_sky, l);
+#else
             float seen = texture(visibility, vec3(frag_uv, light_layer[i])).r;
+            float width = m;
+#endif
 #ifdef HAS_NORMAL_MAP
             seen *= bump_terminator(n_dot_l, dot(smooth_normal, l));
 #endif
-            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, m));
+            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, width));
         }
     }
 #endif

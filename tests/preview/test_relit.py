@@ -1,0 +1,120 @@
+"""Light that comes later is drawn as it is computed, and the oil mirrors the sky where it is open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinbake.irradiance.oil_layer import kelemen_brdf
+from skinbake.preview.camera import Camera
+from skinbake.preview.draw import OffscreenRenderer
+from skinbake.preview.mode import Mode
+from skinbake.preview.relit import LaterLight, relit_scene, sky_samples
+from skinbake.preview.relit_controls import RelitControls, press_relit
+from skinbake.relight.basis import harmonic_basis
+from skinbake.relight.relit import light_coefficients
+from skinbake.relight.skies import made_sky, sky_names
+from skinbake.scene.maps import SkinMaps
+from skinbake.scene.spec import SpecularSpec, TexturingSpec
+from tests.shapes import quad
+
+STUDIO = made_sky("studio")
+SUN = ((0.3, -0.6, -1.0), (2.0, 3.0, 4.0))
+HALF = 2e-3  # textures of half floats
+SAMPLED = 0.15  # 32 directions of an even sky against 20000: a handful fall into the lobe
+
+
+def test_coefficients_are_those_of_the_core():
+    """A sky and a sun, turned, have the coefficients that `relight` uses; a whole turn changes no bit."""
+    basis, light = harmonic_basis(3), LaterLight(STUDIO, (SUN,), 40.0)
+    turned_sun = light.placed_suns[0]
+    np.testing.assert_allclose(light.coefficients(basis), light_coefficients(basis, STUDIO, 40.0, [turned_sun]))
+    assert (light.turned(360.0).coefficients(basis) == light.coefficients(basis)).all()
+
+
+def test_a_raised_sun_stands_higher():
+    """By so many degrees, and no further than upright."""
+    light = LaterLight(None, (((0.0, 0.0, -1.0), (1, 1, 1)),))
+    (direction, _), = light.turned(0.0, 30.0).placed_suns  # fmt: skip
+    np.testing.assert_allclose(direction, [0, -0.5, -np.sqrt(0.75)], atol=1e-12)
+    (direction, _), = light.turned(0.0, 300.0).placed_suns  # fmt: skip
+    assert direction[1] == pytest.approx(-np.sin(np.radians(89)))
+
+
+def test_directions_of_a_sky_hold_all_of_its_light():
+    """What the oil mirrors sends what the sky sends to a plane, whatever the number of directions."""
+    for name in sky_names():
+        sky = made_sky(name)
+        few, many = (LaterLight(sky).mirrored(count) for count in (32, 4096))
+        flux = [sum(light.color_rgb for light in lights) for lights in (few, many)]
+        np.testing.assert_allclose(flux[0], flux[1], rtol=0.1)
+        spread = [np.mean([light.cosines[0] for light in lights]) for lights in (few, many)]
+        assert spread[0] > 30 * spread[1]
+
+
+def test_keys_turn_the_light_and_go_through_skies():
+    """K takes the next sky, the comma and the point turn, R goes back."""
+    start = RelitControls(LaterLight(STUDIO, (SUN,), 10.0), "studio", {n: lambda n=n: made_sky(n) for n in sky_names()})
+    after = press_relit(start, start, "K")
+    assert after.sky == "sunset"
+    assert after.light.suns == (SUN,)
+    assert press_relit(after, start, ".").light.rotate_deg == 15.0
+    assert press_relit(after, start, "K").sky == "studio"
+    assert press_relit(after, start, "R") is start
+    assert press_relit(after, start, "A") is after
+    assert start.line == "sky studio and 1 sun, turned 10 degrees"
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Draws a quad that faces the camera, its four textures each of one colour."""
+    colours = np.array([[0.9, 0.6, 0.5], [0.1, -0.2, 0.3], [0.2, 0.1, -0.1], [0.5, 0.4, 0.3]], np.float16)
+    textures = {1001: np.broadcast_to(colours[:, None, None], (4, 5, 7, 3)).copy()}
+    camera = Camera(np.zeros(3), 3000.0, 0.0, 0.0, 1.0)
+
+    def draw(light, mode, seen=3.544908):  # Y_0 times that is 1: all is open
+        open_sky = np.zeros((3, 4, 4, 3), np.float16)
+        open_sky[0, ..., 0] = seen
+        scene = relit_scene(
+            harmonic_basis(1), quad(), textures, {1001: open_sky}, SkinMaps(), TexturingSpec(),
+            SpecularSpec(roughness=0.3), False,
+        )  # fmt: skip
+        with OffscreenRenderer(scene) as renderer:
+            return renderer.draw(camera, (9, 9), Mode(mode), supersample=1, later=light).rgba[4, 4, :3]
+
+    draw.colours = colours.astype(np.float64)
+    return draw
+
+
+@pytest.mark.slow  # OpenGL
+def test_diffuse_is_the_sum_of_the_textures(drawn):
+    """Radiance is the sum of textures times coefficients, over pi; black light is black; below 0 is 0."""
+    light = LaterLight(STUDIO, (SUN,), 30.0)
+    exact = np.maximum((drawn.colours * light.coefficients(harmonic_basis(1))).sum(axis=0), 0) / np.pi
+    np.testing.assert_allclose(drawn(light, "diffuse"), exact, rtol=HALF)
+    assert not drawn(LaterLight(), "full").any()
+    assert not drawn(LaterLight(0 * STUDIO), "full").any()
+
+
+@pytest.mark.slow  # OpenGL
+def test_the_oil_mirrors_the_sky(drawn):
+    """A sun is mirrored as Kelemen and Szirmay-Kalos say, an even sky by its integral; what is shut mirrors nothing."""
+    z = np.array([0.0, 0.0, 1.0])
+    to_sun = np.array([0.0, 0.6, 0.8])
+    sun = LaterLight(None, ((-to_sun, (2.0, 3.0, 4.0)),))
+    exact = kelemen_brdf(z, to_sun, z, 0.3, 0.028, 0.318) * 0.8 * np.array([2.0, 3.0, 4.0])
+    np.testing.assert_allclose(drawn(sun, "specular"), exact, rtol=1e-3)
+    even = LaterLight(np.ones((32, 64, 3), np.float32))
+    many = even.mirrored(20000)
+    exact = sum(
+        kelemen_brdf(z, one.at, z, np.sqrt(0.09 + one.cosines[0]), 0.028, 0.318) * one.at[2] * one.color_rgb
+        for one in many
+        if one.at[2] > 0
+    )
+    np.testing.assert_allclose(drawn(even, "specular"), exact, rtol=SAMPLED)
+    assert not drawn(sun, "specular", seen=0.0).any()
+
+
+def test_software_gets_fewer_directions():
+    """By the renderer's name."""
+    assert sky_samples("llvmpipe (LLVM 15.0.6, 256 bits)") < sky_samples("NVIDIA GeForce")
