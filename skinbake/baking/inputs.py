@@ -21,8 +21,10 @@ from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import fit_skin
+from skinbake.profile.skin_albedo import PIGMENTS
 from skinbake.profile.varying_skin import Range, ranges_of
 from skinbake.scene.maps import OF_SKIN
+from skinbake.scene.skin import PhysiologySkin
 from skinbake.scene.spec import OF_FILE, SceneSpec
 
 _DETAILED = ("albedo", "normal", "height", "detail")  # maps that a coarser texture loses detail of
@@ -90,7 +92,7 @@ class BakeInputs:
         """
         if self._scene is None:
             as_written = self.spec.model_dump(mode="json", include={"mesh", "occluders", "maps"})
-            key = key_of(self.key(*(role for role in self.digests if role != "skin")), as_written)
+            key = key_of(self.key("albedo", *(role for role in self.digests if role != "skin")), as_written)
             self._scene = self._session.peek("scene", key) or self._session.put("scene", key, self._read())
         return self._scene
 
@@ -137,7 +139,9 @@ class BakeInputs:
             return light.model_dump(mode="json", exclude={"path"}), digest, self.digests.get("ocio")
         chosen = getattr(spec.maps, role, None)
         # What stands in for a map: a constant, or what the mesh's own file holds, whose digest every stage has
-        others = (spec.maps.albedo_rgb, spec.maps.vertex_colors) if role == "albedo" else ()
+        others: tuple[Any, ...] = (spec.maps.albedo_rgb, spec.maps.vertex_colors) if role == "albedo" else ()
+        if role == "albedo" and isinstance(spec.skin, PhysiologySkin) and spec.skin.albedo is not None:
+            others += (spec.skin.model_dump(mode="json"), [self._part(name) for name in PIGMENTS])
         source = spec.maps.source if chosen is None else None
         written = chosen and chosen.model_dump(mode="json", exclude={"path"})
         return written, digest, others, source, self.digests.get("ocio")

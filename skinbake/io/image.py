@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from skinbake.io.image_file import StoredImage, read_stored
 from skinbake.io.image_memory import MAP_CHANNELS, image_bytes, refuse_beyond_memory
 from skinbake.io.tile_names import MARKS, name_of_tile, names_tiles, tile_files
 from skinbake.scene.maps import OF_SKIN, DetailNormals, SkinMaps
-from skinbake.scene.skin import LEAST_RADIUS, MOST_RADIUS
+from skinbake.scene.skin import LEAST_RADIUS, MOST_HAEMOGLOBIN, MOST_MELANIN, MOST_RADIUS
 from skinbake.scene.spec import (
     DetailMapSpec,
     FileMapSpec,
@@ -73,6 +74,8 @@ def read_maps(
         "detail": _normals,
         "scatter": _factor,
         "radius": _radius,
+        "melanin": partial(_scaled, low=0.0, high=MOST_MELANIN),
+        "haemoglobin": partial(_scaled, low=0.0, high=MOST_HAEMOGLOBIN),
     }
 
     def read(name: str, of: FileMapSpec, tile: int, path: Path) -> Image:

@@ -18,8 +18,10 @@ from skinbake.io.mesh.gltf_file import GltfFile
 from skinbake.io.mesh.gltf_material import GltfMaterial, picture_of, read_materials
 from skinbake.io.mesh.look_mesh import refuse_unpainted
 from skinbake.io.repaint import painted_mesh, repaint
+from skinbake.profile.skin_albedo import albedo_of_skin
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.skin import PhysiologySkin
 from skinbake.scene.spec import MapsSpec, SceneSpec
 
 GUTTER = 4  # texels beside the charts that get the colour of the vertices at least, for whoever reads between texels
@@ -63,6 +65,8 @@ def read_look_maps(
     maps = repaint(spec, mesh, maps)
     if spec.maps.vertex_colors:
         maps = replace(maps, albedo=_albedo_of_vertices(spec, mesh, maps))
+    if isinstance(spec.skin, PhysiologySkin) and spec.skin.albedo is not None:
+        maps = replace(maps, albedo=albedo_of_skin(spec.skin, maps, tiles))
     return maps, tuple(notes), tuple(warnings)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Image = NDArray[np.float32]
-OF_SKIN = ("radius", "scatter")  # fields that vary how the skin scatters, named as keys of `skin`
+OF_SKIN = ("radius", "melanin", "haemoglobin", "scatter")  # fields that vary the skin, named as keys of `skin`
 IMAGES = ("albedo", "normal", "roughness", "specular", *OF_SKIN)  # fields that hold an image a tile
 
 
@@ -55,6 +55,8 @@ class SkinMaps:
     detail : DetailNormals, optional
     scatter, radius : dict of int to ndarray of shape (h, w)
         Share of the light that scatters, and factor on the width of the profile.
+    melanin, haemoglobin : dict of int to ndarray of shape (h, w)
+        Volume fractions, of a skin by what it is made of.
     """
 
     albedo: dict[int, Image] = field(default_factory=dict)
@@ -68,3 +70,5 @@ class SkinMaps:
     detail: DetailNormals | None = None
     scatter: dict[int, Image] = field(default_factory=dict)
     radius: dict[int, Image] = field(default_factory=dict)
+    melanin: dict[int, Image] = field(default_factory=dict)
+    haemoglobin: dict[int, Image] = field(default_factory=dict)

@@ -200,6 +200,8 @@ class PhysiologySkin(_Skin):
     """Share of the haemoglobin that carries oxygen."""
     epidermis_mm: Annotated[float, Field(ge=0)] = 0.25
     """Thickness of the epidermis, mm."""
+    albedo: Literal["physiology"] | None = None
+    """`physiology`: the albedo is what skin of this melanin and blood gives back, place by place, with their maps."""
     eta: Eta = 1.4
     """Index of refraction over that of air."""
     boundary: Literal["polynomial", "exact"] = "polynomial"

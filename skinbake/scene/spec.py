@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from skinbake.scene.frames import frame_numbers
 from skinbake.scene.lights import LightSpec
-from skinbake.scene.skin import SkinSpec
+from skinbake.scene.skin import PhysiologySkin, SkinSpec
 from skinbake.scene.strict import Also, Fraction, NonNegative, Positive, Strict
 
 AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
@@ -230,6 +230,10 @@ class MapsSpec(Strict):
     """Share of the light that scatters: 1 in skin, 0 where it leaves where it arrives, as of nails and make-up."""
     radius: ScaledMap | None = None
     """Factor on the width of the profile, in place of `skin.radius`."""
+    melanin: ScaledMap | None = None
+    """Volume fraction of melanin, in place of `skin.melanin`, with `skin.model: physiology`."""
+    haemoglobin: ScaledMap | None = None
+    """Volume fraction of blood, in place of `skin.haemoglobin`, with `skin.model: physiology`."""
 
     @model_validator(mode="after")
     def _one_albedo(self) -> MapsSpec:
@@ -484,6 +488,23 @@ class SceneSpec(Strict):
         if self.maps.albedo_rgb is None:
             colour = SKIN_RGB if self.skin.normalise == "white" else (1.0, 1.0, 1.0)
             object.__setattr__(self, "maps", self.maps.model_copy(update={"albedo_rgb": colour}))
+        return self
+
+    @model_validator(mode="after")
+    def _skin_that_its_maps_vary(self) -> SceneSpec:
+        """Which maps go with which skins, and with one another."""
+        maps, skin = self.maps, self.skin
+        pigments = [name for name in ("melanin", "haemoglobin") if getattr(maps, name) is not None]
+        if pigments and not isinstance(skin, PhysiologySkin):
+            raise ValueError(f"maps.{pigments[0]}: expected skin.model: physiology beside it, got {skin.model}")
+        if pigments and maps.radius is not None:
+            raise ValueError(f"maps.radius: expected no maps.{pigments[0]} beside it: a table has the one or the other")
+        if isinstance(skin, PhysiologySkin) and skin.albedo is not None:
+            if skin.normalise == "none":
+                raise ValueError("skin.albedo: expected skin.normalise: white beside it: none has the colour already")
+            given = [name for name in ("albedo", "vertex_colors") if getattr(maps, name)]
+            if given:
+                raise ValueError(f"skin.albedo: expected no maps.{given[0]} beside it, which says the colour, too")
         return self
 
     @model_validator(mode="after")

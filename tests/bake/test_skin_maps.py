@@ -36,6 +36,7 @@ def plane(tmp_path_factory):
         "share": np.where(LEFT, 0.0, 1.0)[None],
         "flat": np.full((3, 5), 0.7),
         "ramp": np.linspace(0.01, 0.2, 12)[None],
+        "drop": np.linspace(0.002, 0.03, 9)[:, None],
     }
     for name, values in pictures.items():
         grey = np.repeat(values, 2, axis=0).astype(np.float32)
@@ -48,7 +49,7 @@ def plane(tmp_path_factory):
             "mesh": {"path": "quad.obj", "unit": "mm", "any_size": True},
             "maps": {"albedo": "albedo.exr"} | dict(maps),
             "texture": {"size": [WIDTH, HEIGHT]},
-            "skin": {"preset": "jensen-skin1"} | dict(skin),
+            "skin": {key: value for key, value in ({"preset": "jensen-skin1"} | dict(skin)).items() if value},
             "lights": [{"name": "lamp", "type": "point", "position_mm": [5, 3, 25], "intensity": [900, 800, 700]}],
             "terms": dict.fromkeys(OFF, "off"),
             "diffusion": {"method": "surface", "tolerance": 0.003, "probes": 300},
@@ -103,6 +104,35 @@ def test_each_half_is_a_uniform_skin_and_probes_agree_where_they_meet(plane):
 def test_more_gaussians_are_proposed_where_they_are_too_few(plane):
     plan = plane({"radius": "steps.exr"}, {"fit": {"gaussians": 2}}).plan
     assert "skin.fit: {gaussians: 4}" in next(line for line in plan if line.term == "skin varies").why
+
+
+PHYSIOLOGY = {"model": "physiology", "melanin": 0.02, "haemoglobin": 0.005, "preset": None} | FEW
+
+
+@pytest.mark.parametrize("quantity", ["melanin", "haemoglobin"])
+def test_a_uniform_pigment_is_the_number_as_a_key(plane, quantity):
+    """Of the profile, and of the colour where the skin's own is asked for."""
+    kind, none = PHYSIOLOGY | {"albedo": "physiology"}, {"albedo": None}
+    by_map = plane(none | {quantity: {"path": "flat.exr", "scale": 0.1}}, kind)
+    by_key = plane(none, kind | {quantity: float(np.float32(0.1) * np.float32(0.7))})
+    m = by_key.radiant_exitance()
+    assert np.abs(by_map.radiant_exitance() - m).max() <= 2 * TWICE_ROUNDED * m.max()
+    np.testing.assert_allclose(by_map._pixels.albedo(1001), by_key._pixels.albedo(1001), rtol=1e-6)
+
+
+def test_pigments_colour_the_skin_and_shape_its_profile(plane):
+    """More melanin is darker, more blood redder where it is light; both have a table of two quantities; probes agree."""
+    maps = {"albedo": None, "melanin": "ramp.exr", "haemoglobin": "drop.exr"}
+    bake = plane(maps, PHYSIOLOGY | {"albedo": "physiology"})
+    albedo = bake._pixels.albedo(1001)
+    assert (np.diff(albedo.mean(axis=(0, 2))[3:-3]) <= 1e-6).all()
+    redness = albedo[..., 0] / albedo[..., 1]
+    assert redness[-3, 2] > 1.05 * redness[2, 2]
+    assert bake.table.names == ("melanin", "haemoglobin")
+    assert bake.tolerance_met
+    images = [bake.weight_image(i) for i in range(len(bake.weight_rgb))]
+    np.testing.assert_allclose(sum(images), 1, rtol=1e-6)
+    assert np.ptp(images[-1], axis=1).max() > 0.01
 
 
 def test_what_does_not_scatter_is_albedo_times_light_and_sends_none(plane):
@@ -182,5 +212,15 @@ def picture(path):
 def test_bad_maps_are_named(plane):
     with pytest.raises(InputError, match=r"ramp\.exr: expected values from 0\.05 to 20, got .*maps\.scatter"):
         plane({"radius": {"path": "ramp.exr", "scale": 500}})
+    with pytest.raises(InputError, match=r"ramp\.exr: expected values from 0 to 0\.5, got "):
+        plane({"melanin": {"path": "ramp.exr", "scale": 5}}, PHYSIOLOGY)
+    with pytest.raises(ConfigError, match=r"maps\.melanin: expected skin\.model: physiology beside it, got dipole"):
+        plane({"melanin": "ramp.exr"})
+    with pytest.raises(ConfigError, match=r"maps\.radius: expected no maps\.melanin beside it"):
+        plane({"melanin": "ramp.exr", "radius": "steps.exr"}, PHYSIOLOGY)
+    with pytest.raises(ConfigError, match=r"skin\.albedo: expected no maps\.albedo beside it"):
+        plane({}, PHYSIOLOGY | {"albedo": "physiology"})
+    with pytest.raises(ConfigError, match=r"skin\.albedo: expected skin\.normalise: white beside it"):
+        plane({"albedo": None}, PHYSIOLOGY | {"albedo": "physiology", "normalise": "none"})
     with pytest.raises(ConfigError, match=r"expected diffusion\.normalise: true beside maps\.scatter, got false"):
         plane({"scatter": "share.exr"}, diffusion={"method": "surface", "normalise": False})

@@ -44,6 +44,8 @@ NO_BYTES = {
     "maps.detail.path": "as mesh.path",
     "maps.scatter.path": "as mesh.path",
     "maps.radius.path": "as mesh.path",
+    "maps.melanin.path": "as mesh.path",
+    "maps.haemoglobin.path": "as mesh.path",
     "skin[table].path": "as mesh.path",
     "lights[environment].path": "as mesh.path",
     "output.dir": "where it is written",
@@ -131,6 +133,10 @@ BASES = {
     "transport": plain(skin={"model": "transport", "layers": [DEEP], "photons": 1000,
                              "fit": {"gaussians": 2}}),
     "physiology": plain(skin={"model": "physiology", "melanin": 0.02, "fit": {"gaussians": 2}}),
+    "pigments": plain(
+        skin={"model": "physiology", "melanin": 0.02, "fit": {"gaussians": 2}},
+        maps={"melanin": {"path": "rough.exr", "channel": "r", "layer": "one", "scale": 0.1},
+              "haemoglobin": {"path": "rough.exr", "channel": "g", "layer": "one", "scale": 0.01}}),
     "reduced": plain(texture={"size": 32, "gutter": 2}, maps={"albedo": "albedo.exr"}, diffusion=PLAIN["diffusion"] | {
         "tolerance": 0.9}),
     "shown": plain(preview={"size": [24, 30]}, specular={"f0": 0.03}),
@@ -212,7 +218,9 @@ CHANGES = {
     "transport": [LAYERED | {"skin.photons": 1500, "skin.seed": 1, "skin.layers.0.thickness_mm": 2.0}],
     "physiology": [{"skin.melanin": 0.1, "skin.eumelanin": 0.5, "skin.haemoglobin": 0.01,
                           "skin.oxygenation": 0.5, "skin.epidermis_mm": 0.1, "skin.eta": 1.3,
-                          "skin.boundary": "exact"}],
+                          "skin.boundary": "exact", "skin.albedo": "physiology"}],
+    "pigments": [of("melanin", scale=0.2, **SCALAR) | of("haemoglobin", scale=0.02, **SCALAR),
+                 ],
     "reduced": [{"texture.reduce": "off", "diffusion.tolerance": 0.1, "maps.albedo.invert": True, "mesh.unit": "cm"}],
     "shown": [{"preview.size": [30, 24], "preview.view": "front", "preview.exposure": 1.0,
                "preview.background_rgb": [0.5, 0.2, 0.1], "specular.f0": 0.05, "skin.variance_mm2": [4.0, 50.0],
@@ -229,6 +237,7 @@ FILES = {
     "tiles": ["tiles.obj", "tile.1001.exr", "tile.1002.exr"],
     "lights": ["sky.exr"],
     "reduced": ["albedo.exr"],
+    "pigments": ["rough.exr"],
     "table": ["table.csv"],
 }
 

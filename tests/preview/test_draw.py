@@ -80,10 +80,18 @@ def test_other_scenes_match_as_well(renderer, changes):
             assert same_as_numpy(other, mode) >= 0.999
 
 
-@pytest.mark.parametrize("scatters", [True, False])
-def test_skin_that_varies_matches_as_well(scatters):
-    """Weights by a map of widths, and what does not scatter; also light through thin parts."""
-    with OffscreenRenderer(varying_scene(scatters=scatters, tiles=2)) as other:
+@pytest.mark.parametrize(
+    ("names", "scatters", "tiles"),
+    [
+        (("radius",), True, 2),
+        (("radius",), False, 1),
+        (("melanin", "haemoglobin"), True, 1),
+        (("haemoglobin",), False, 1),
+    ],
+)
+def test_skin_that_varies_matches_as_well(names, scatters, tiles):
+    """Weights by a map of widths or by two of pigments, and what does not scatter; also light through thin parts."""
+    with OffscreenRenderer(varying_scene(names, scatters, tiles=tiles)) as other:
         for mode in (MODES[0], MODES[3]):
             assert same_as_numpy(other, mode, fold=mode is MODES[0]) >= 0.999
 
