@@ -47,7 +47,7 @@ class Lobe:
 
 @dataclass(frozen=True)
 class MeasuredError:
-    """Relative error against the surface integral of the same sum of Gaussians (README, "what the error means")."""
+    """Relative error against the surface integral of the same sum of Gaussians (`skinbake/docs/accuracy.md`)."""
 
     rms: float
     p95: float
