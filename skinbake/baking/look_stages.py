@@ -40,9 +40,10 @@ def look_stages(
     profile = ProfileStage(inputs, results, log)
     raster = RasterStage(inputs, results, session, log)
     irradiance = given or IrradianceStage(inputs, raster, results, session, log, log.note)
-    diffuse = DiffuseStage(inputs, profile, raster, irradiance, results, log, log.note)
     relight = RelightStage(inputs, profile, results, log, log.note) if inputs.spec.relight else None
-    return Stages(inputs.decisions, profile, raster, irradiance, diffuse, relight)
+    reused = inputs.spec.relight is not None and inputs.spec.relight.reuse and given is None
+    diffuse = DiffuseStage(inputs, profile, raster, irradiance, results, log, log.note, relight if reused else None)
+    return Stages(inputs.decisions, profile, raster, irradiance, diffuse, None if reused else relight)
 
 
 def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> UvReport | None:

@@ -57,6 +57,11 @@ def plan_rows(baked: Baked, parts: Mapping[str, float]) -> list[Row]:
         own = [plan[term] for term in (f"{name}.harmonics", f"{name}.shadows") if term in plan]
         how = ", ".join(line.how for line in own if line.how)
         rows.append(Row(f"light {name}", how, _taken(parts, f"{name}, "), _root(line.error for line in own) or None))
+    reuse = plan.get("relight.reuse")
+    if reuse is not None:
+        rows.append(Row("by relighting" if reuse.enabled else "not by relighting", reuse.why))
+        if reuse.enabled:
+            return rows
     rows.append(Row("entering skin", "", _taken(parts, "light that enters")))
     rows += [_term(plan, lights, term) for term in _TERMS]
     rows += [_lobe(i, lobe, baked, parts) for i, lobe in enumerate(baked.diffuse.lobes) if not lobe.transmitted]

@@ -82,6 +82,11 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
         "cache": session.figures,
         "peak_memory_mib": manifest["peak_memory_mib"],
         "measured": {name: error_figures[name] for name in ("rms", "p95", "max") if name in error_figures},
-        "note": f"rms {error_figures['rms']:.2%}" if "rms" in error_figures else "",
+        "note": f"rms {error_figures['rms']:.2%}" if "rms" in error_figures else _relit(manifest),
         "preview": "preview.png" if (Path(job.spec.output.dir) / "preview.png").exists() else None,
     }
+
+
+def _relit(manifest: dict[str, Any]) -> str:
+    """What is said of a look whose lights a transfer shows; nothing of others."""
+    return next((line["why"] for line in manifest["plan"] if line["term"] == "relight.reuse" and line["kept"]), "")

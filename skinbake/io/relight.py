@@ -125,6 +125,36 @@ def write_transfer(
     write_text(folder / USE, f'{text.removesuffix("}").rstrip()},\n "of_harmonics": [\n  {rows}\n ]\n}}\n')
 
 
+def transfer_entry(transfer: Transfer) -> dict[str, NDArray[Any]]:
+    """A transfer as the cache holds it."""
+    use = {
+        "basis": transfer.basis.kind,
+        "error": {kind: error.record() for kind, error in transfer.error.items()},
+        "judged_at": list(transfer.judged_at),
+        "plan": [line.record() for line in transfer.plan],
+    }
+    entry: dict[str, NDArray[Any]] = {"of_harmonics": transfer.basis.of_harmonics}
+    entry["use"] = np.frombuffer(json.dumps(use).encode(), np.uint8)
+    for tile in transfer.textures:
+        entry |= {f"{tile}.textures": transfer.textures[tile], f"{tile}.visibility": transfer.visibility[tile]}
+    return entry
+
+
+def transfer_of_entry(entry: Mapping[str, NDArray[Any]]) -> Transfer:
+    """The transfer of `transfer_entry`."""
+    use = json.loads(entry["use"].tobytes())
+    matrix = entry["of_harmonics"]
+    tiles = [int(name.partition(".")[0]) for name in entry if name.endswith(".textures")]
+    return Transfer(
+        LightBasis(use["basis"], matrix, np.zeros((matrix.shape[1], 0))),
+        {tile: entry[f"{tile}.textures"] for tile in tiles},
+        {tile: entry[f"{tile}.visibility"] for tile in tiles},
+        {kind: KindError(**each) for kind, each in use["error"].items()},
+        (use["judged_at"][0], use["judged_at"][1]),
+        tuple(Decision.from_record(line) for line in use["plan"]),
+    )
+
+
 def stored_transfer(transfer: Transfer, precision: str) -> Transfer:
     """A transfer as its files give it back, textures as (K, H, W, 3) rounded."""
     rounded = {tile: as_stored(textures, precision) for tile, textures in transfer.textures.items()}

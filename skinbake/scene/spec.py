@@ -380,6 +380,13 @@ def _one_as_many(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
 
+def _reuse(value: Any) -> Any:
+    """The text `reuse` as the mapping it stands for."""
+    if isinstance(value, str) and value != "reuse":
+        raise ValueError(f"expected a mapping, or reuse, got {value}")
+    return {"reuse": True} if value == "reuse" else value
+
+
 class RelightSpec(Strict):
     """Transfer of light from everywhere, scattering included: after it any sky and any sun need no bake."""
 
@@ -391,6 +398,8 @@ class RelightSpec(Strict):
     """Root mean square error that skies may have, as a share of their light, by which textures are counted."""
     basis: Literal["auto", "harmonics", "fitted"] = "auto"
     """Spherical harmonics, or lights fitted to what this head tells apart; `auto` takes what needs fewer."""
+    reuse: bool = False
+    """Show the look's own lights by textures of the cache, as `relight: reuse` does, and store none; for batches."""
 
 
 class OutputSpec(Strict):
@@ -459,7 +468,7 @@ class SceneSpec(Strict):
     """The textures that are baked."""
     skin: SkinSpec
     """How the skin scatters."""
-    relight: RelightSpec | None = None
+    relight: Annotated[RelightSpec | None, BeforeValidator(_reuse), Also("string")] = None
     """Also bake what any sky and any sun can be shown with; alone where there are no lights."""
     lights: Annotated[tuple[LightSpec, ...], Field(max_length=1024)]
     """What lights it; none only where there is `relight`."""
@@ -551,7 +560,8 @@ class SceneSpec(Strict):
     @field_validator("lights")
     @classmethod
     def _names_differ(cls, lights: tuple[Any, ...], info: ValidationInfo) -> tuple[Any, ...]:
-        if not lights and info.data.get("relight") is None:
+        relight = info.data.get("relight")
+        if not lights and (relight is None or relight.reuse):
             raise ValueError("expected at least one light, or relight for those that come later, got none")
         names = [light.name for light in lights]
         twice = sorted(name for name, count in Counter(names).items() if count > 1)

@@ -227,7 +227,7 @@ CHANGES = {
                "skin.weight_rgb": [[0.4, 0.6, 0.7], [0.6, 0.4, 0.3]], "skin.normalise": "none"},
               {"skin.fit.gaussians": 1}, {"skin.fit.tolerance": 0.9}],
     "relit": [{"relight.textures": 7, "relight.size": 16, "relight.tolerance": 0.2, "relight.basis": "harmonics",
-               "texturing.mode": "post-scatter"}],
+               "texturing.mode": "post-scatter", "relight.reuse": True}],
 }  # fmt: skip
 FILES = {
     "head": ["head.obj", "albedo.exr", "normal.exr", "rough.exr"],

@@ -102,6 +102,7 @@ def test_what_cannot_be_shown_is_refused(look, capsys, options, message):
         ("lights=[]", "expected at least one light, or relight"),
         ("relight={size: 4096}", "expected a size of at most that of the texture, 30"),
         ("relight={textures: 100}", "relight.textures"),
+        ("relight=always", "expected a mapping, or reuse, got always"),
         ("terms.beam=on", "expected beam: auto or off beside relight"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from skinbake.baking.incidence_table import incidence_table
@@ -18,6 +19,7 @@ from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
 from skinbake.profile.varying_skin import mean_skin
+from skinbake.relight.reuse import decide_reuse, reused_lights
 from skinbake.scene.skin import SkinSpec
 
 if TYPE_CHECKING:
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from skinbake.baking.stages.irradiance import GivenIrradiance, IrradianceStage
     from skinbake.baking.stages.profile import ProfileStage
     from skinbake.baking.stages.raster import RasterStage
+    from skinbake.baking.stages.relight import RelightStage
     from skinbake.pipeline import StageTimer
 
 
@@ -46,8 +49,10 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         results: ResultStore,
         timer: StageTimer,
         say: Callable[[str], None],
+        transfer: RelightStage | None = None,
     ) -> None:
         super().__init__(timer)
+        self._transfer = transfer  # by which the lights are shown, if that is near enough
         self._inputs, self._results, self._say = inputs, results, say
         self._profile, self._raster, self._irradiance = profile, raster, irradiance
 
@@ -69,6 +74,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             self._albedo_before(),
             self._entering(gaussians),
             self._decided(),
+            self._reused(),
             # The albedo's mean decides there, and casters are in the way
             (self._inputs.key("albedo", OCCLUDERS), skin_medium(spec.skin).identity)
             if spec.terms.transmission != "off"
@@ -81,6 +87,11 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
                 spec.output.seed,
             ),
         )
+
+    def _reused(self) -> Any:
+        """What decides whether a transfer shows the lights, and how."""
+        relight = self._inputs.spec.relight
+        return relight.model_dump(mode="json") if relight is not None and self._transfer is not None else None
 
     def _albedo_before(self) -> Any:
         """What of the albedo is in the light that is blurred."""
@@ -143,7 +154,13 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         inputs = self._inputs
         gaussians, irradiance, medium = self._profile.result(), self._irradiance.result(), self._medium()
         slanted = medium.layers and inputs.spec.terms.incidence != "off"
-        return scatter(
+        line = None
+        if self._transfer is not None:
+            transfer = self._transfer.result()
+            line = decide_reuse(inputs.spec, transfer, gaussians)
+            if line.enabled:
+                return reused_lights(inputs.spec, transfer, gaussians, inputs.scene().environments, line)
+        made = scatter(
             inputs.spec.model_copy(update={"skin": self._mean_skin()}),
             inputs.decisions,
             inputs.scene(),
@@ -155,6 +172,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             say=self._say,
             remember=self._memoize(self._irradiance.light_keys, self._entering(gaussians)),
         )
+        return made if line is None else replace(made, plan=(*made.plan, line))
 
     def _memoize(self, light_keys: Mapping[str, str] | None, entering: list[Any]) -> Any:
         cache = self._results.cache

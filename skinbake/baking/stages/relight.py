@@ -10,7 +10,7 @@ from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
-from skinbake.io.relight import stored_transfer
+from skinbake.io.relight import stored_transfer, transfer_entry, transfer_of_entry
 from skinbake.io.weight_table import table_record
 from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
@@ -57,7 +57,8 @@ class RelightStage(Stage[Transfer, Transfer]):
             gaussians.table and table_record(gaussians.table),
             inputs.key(*_READ, *inputs.skin_maps, OCCLUDERS),
             (medium.identity, medium.why, medium.named, spec.skin.normalise),
-            [part.model_dump(mode="json") for part in (spec.relight, spec.diffusion, spec.terms, spec.specular)],
+            spec.relight.model_dump(mode="json", exclude={"reuse"}),
+            [part.model_dump(mode="json") for part in (spec.diffusion, spec.terms, spec.specular)],
             (spec.shadows, spec.texturing.exponent_before, inputs.decisions.energy_conservation.enabled),
             (spec.output.precision, spec.output.compression, spec.output.seed),
         )
@@ -77,12 +78,19 @@ class RelightStage(Stage[Transfer, Transfer]):
         return self._results.transfer(self.key())
 
     def compute(self) -> Transfer:
-        """Textures, and their error on lights that they were not made for."""
+        """Textures, and their error on lights that they were not made for; rounded as they are stored."""
+        cache = self._results.cache
+        if cache is None:
+            return self._made()
+        found = cache.get_many({"relight": self.key()}, lambda names: {n: transfer_entry(self._made()) for n in names})
+        return transfer_of_entry(found["relight"])
+
+    def _made(self) -> Transfer:
         inputs = self._inputs
         skin = mean_skin(inputs.spec.skin, inputs.varying)
         medium = skin_medium(skin)
         slanted = medium.layers and inputs.spec.terms.incidence != "off"
-        return make_transfer(
+        made = make_transfer(
             inputs.spec.model_copy(update={"skin": skin}),
             inputs.decisions,
             inputs.scene(),
@@ -91,12 +99,14 @@ class RelightStage(Stage[Transfer, Transfer]):
             incidence_table(medium, self._say) if slanted else None,
             self._say,
         )
+        return stored_transfer(made, inputs.spec.output.precision)
 
     def store(self, made: Transfer) -> Transfer:
-        """Round the textures as their files hold them, and keep them."""
-        result = stored_transfer(made, self._inputs.spec.output.precision)
-        self._results.keep_transfer(result, Provenance(self.key(), self.inputs_read))
-        return result
+        """Keep the textures, unless the look only wants its lights shown by them."""
+        relight = self._inputs.spec.relight
+        if relight is not None and not relight.reuse:
+            self._results.keep_transfer(made, Provenance(self.key(), self.inputs_read))
+        return made
 
     def stale(self) -> str:
         """Why the textures would be made: computes no fit to tell."""

@@ -1,0 +1,93 @@
+"""Lights of a look shown by a transfer in place of blurring them, where its stated error allows that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
+from skinbake.irradiance.environment_map import Image
+from skinbake.numerics import safe_div
+from skinbake.profile import GaussianSum
+from skinbake.relight.relit import light_coefficients, relit
+from skinbake.relight.transfer import Transfer
+from skinbake.scene.decision import TOTAL_LIGHT, Decision
+from skinbake.scene.lights import DirectionalLight, EnvironmentLight, LightSpec
+from skinbake.scene.spec import SceneSpec
+
+METHOD = "relight"  # what files say of how such a lobe was made
+
+
+def decide_reuse(spec: SceneSpec, transfer: Transfer, gaussians: GaussianSum) -> Decision:
+    """Whether every light of a look comes from everywhere and is known to the transfer within the look's tolerance.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    transfer : Transfer
+        Of the same look but for its lights.
+    gaussians : GaussianSum
+    """
+    tolerance, told = spec.diffusion.tolerance, {}
+    if gaussians.table is not None:
+        return Decision("relight.reuse", False, "the skin varies by maps: its weights are of lobes")
+    for light in spec.lights:
+        kind = _kind(light)
+        if kind is None:
+            return Decision("relight.reuse", False, f"light {light.name} is near: only suns and skies come from afar")
+        if light.shadows is not None and light.shadows != spec.shadows:
+            return Decision("relight.reuse", False, f"light {light.name} casts shadows otherwise than the look says")
+        told[kind] = transfer.error[kind].rms
+    figures = ", ".join(f"{kind} {rms:.2%}" for kind, rms in told.items())
+    kept = max(told.values(), default=0.0) <= tolerance
+    verdict = "within" if kept else "above"
+    why = f"{len(transfer.basis)} textures state an error of {figures}, {verdict} the tolerance of {tolerance:.2%}"
+    return Decision("relight.reuse", kept, why)
+
+
+def _kind(light: LightSpec) -> str | None:
+    """Kind of the lights by which such a light is judged; None for one that has a place."""
+    if isinstance(light, DirectionalLight):
+        return "suns"
+    return "skies" if isinstance(light, EnvironmentLight) else None
+
+
+def reused_lights(
+    spec: SceneSpec,
+    transfer: Transfer,
+    gaussians: GaussianSum,
+    environments: Mapping[str, Image],
+    line: Decision,
+) -> DiffuseMap:
+    """The look's lights by the transfer: one lobe whose weight is what the profile gives back.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    transfer : Transfer
+    gaussians : GaussianSum
+    environments : mapping of light name to ndarray of shape (h, w, 3)
+    line : Decision
+        What `decide_reuse` said.
+    """
+    total = gaussians.weight_rgb.sum(axis=0)
+    separate = spec.output.separate_lights
+    rgb: dict[int, NDArray[np.float32]] = {}
+    for tile, textures in transfer.textures.items():
+        amounts = [_coefficients(transfer, light, environments) for light in spec.lights]
+        shown = amounts if separate else [np.sum(amounts, axis=0)]
+        rgb[tile] = np.stack([relit(textures, each) for each in shown]) * safe_div(1.0, total).astype(np.float32)
+    names = tuple(light.name for light in spec.lights) if separate else (TOTAL_LIGHT,)
+    weight = (float(total[0]), float(total[1]), float(total[2]))
+    return DiffuseMap(names, (Lobe(0.0, weight, METHOD, rgb),), None, (line,))
+
+
+def _coefficients(transfer: Transfer, light: LightSpec, environments: Mapping[str, Image]) -> NDArray[np.float64]:
+    """How much of each light of the basis a look's light is, (K, 3)."""
+    if isinstance(light, DirectionalLight):
+        return light_coefficients(transfer.basis, suns=[(light.direction, light.irradiance)])
+    assert isinstance(light, EnvironmentLight)
+    sky = np.full((8, 16, 3), light.radiance, np.float32) if light.radiance is not None else environments[light.name]
+    return light.scale * light_coefficients(transfer.basis, sky, light.rotate_deg)
