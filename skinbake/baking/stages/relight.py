@@ -64,6 +64,11 @@ class RelightStage(Stage[Transfer, Transfer]):
         )
 
     @property
+    def _reused(self) -> bool:
+        """Whether the look only wants its lights shown by the textures."""
+        return self._inputs.spec.relight is not None and self._inputs.spec.relight.reuse
+
+    @property
     def inputs_read(self) -> dict[str, str]:
         """Digests of the files that are read for it, by role."""
         digests = self._inputs.digests
@@ -74,8 +79,8 @@ class RelightStage(Stage[Transfer, Transfer]):
         }
 
     def load(self) -> Transfer | None:
-        """What the files say, without the textures' pixels."""
-        return self._results.transfer(self.key())
+        """What the files say, without the textures' pixels; nothing for a look that needs these."""
+        return None if self._reused else self._results.transfer(self.key())
 
     def compute(self) -> Transfer:
         """Textures, and their error on lights that they were not made for; rounded as they are stored."""
@@ -103,8 +108,7 @@ class RelightStage(Stage[Transfer, Transfer]):
 
     def store(self, made: Transfer) -> Transfer:
         """Keep the textures, unless the look only wants its lights shown by them."""
-        relight = self._inputs.spec.relight
-        if relight is not None and not relight.reuse:
+        if not self._reused:
             self._results.keep_transfer(made, Provenance(self.key(), self.inputs_read))
         return made
 
