@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinbake.cli.options import Output, Within, bake_folder, quiet_option
-from skinbake.errors import InputError
+from skinbake.errors import ConfigError, InputError, printable
 
 if TYPE_CHECKING:
+    from skinbake.io.bake_folder import BakeFolder
     from skinbake.irradiance.environment_map import Image
+    from skinbake.preview.other_skin import OtherSkin
     from skinbake.preview.relit import LaterLight
     from skinbake.preview.relit_controls import RelitControls
+    from skinbake.preview.scene import PreviewScene
+    from skinbake.profile import GaussianSum
 
 
 @click.command("preview")
@@ -35,6 +39,7 @@ if TYPE_CHECKING:
     "--mode", default="full", show_default=True, help="full, diffuse, specular, none (no scattering), lobe:I."
 )
 @click.option("--lights", metavar="NAME=GAIN,...", help="Gain of each light: key=1.5,rim=0.5 or key=1/0.9/0.8.")
+@click.option("--skin", metavar="NAME|FILE", help="Another skin on the same lobes: a preset, a look or a skin's file.")
 @click.option("--exposure", type=Within(-100, 100), metavar="STOPS", help="Brightness of the PNGs.")
 @click.option("--supersample", type=click.IntRange(1, 8), default=2, show_default=True, help="N x N points a pixel.")
 @click.option(
@@ -65,6 +70,7 @@ def command(
     compare: bool,
     mode: str,
     lights: str | None,
+    skin: str | None,
     exposure: float | None,
     supersample: int,
     environment: str | None,
@@ -92,9 +98,9 @@ def command(
     later = None
     if environment or suns:
         later = later_light(environment, rotate, suns)
-        if lights or compare or mode == "none":
+        if lights or skin or compare or mode == "none":
             raise InputError(
-                "--environment and --sun: expected neither --lights, --compare nor --mode none beside them"
+                "--environment and --sun: expected neither --lights, --skin, --compare nor --mode none beside them"
             )
     elif rotate or turn == "light":
         raise InputError("--rotate and --turn light: expected --environment or --sun, which they turn")
@@ -105,7 +111,11 @@ def command(
 
         with Progress(verbosity > 0).task("reading the bake"):
             baked = read_relit_folder(folder) if later else read_bake_folder(folder)
-        show(baked.scene, baked.spec.preview, pixels, mode, gains, exposure, relit_controls(later, environment))
+        scene, skins = baked.scene, [] if later else other_skins(baked)
+        if skin:
+            skins.insert(0, other_skin(baked, skin))
+            scene = shown_with(baked, skin, verbosity)
+        show(scene, baked.spec.preview, pixels, mode, gains, exposure, relit_controls(later, environment), skins)
         return
     render_still(
         folder,
@@ -121,6 +131,7 @@ def command(
         exposure=exposure,
         supersample=supersample,
         later=later,
+        skin=skin,
         turn=turn,
         verbosity=verbosity,
     )
@@ -131,6 +142,7 @@ def render_still(
     out: Path | str | None = None,
     gains: dict[str, list[float]] | None = None,
     later: LaterLight | None = None,
+    skin: str | None = None,
     verbosity: int = 0,
     **how: Any,
 ) -> list[Path]:
@@ -144,6 +156,8 @@ def render_still(
     gains : mapping of light name to float or RGB, optional
     later : LaterLight, optional
         In place of the bake's lights.
+    skin : str, optional
+        Name or file of another skin on the same lobes.
     verbosity : int
     **how
         As `preview_worker.render`.
@@ -163,8 +177,9 @@ def render_still(
     ]
     inputs = [*textures, *every_input(baked.spec)]
     out = Path(out) if out else baked.path
+    scene = shown_with(baked, skin, verbosity) if skin else baked.scene
     with progress.task("starting OpenGL"):
-        renderer = OffscreenRenderer(baked.scene)
+        renderer = OffscreenRenderer(scene)
     with renderer:
         return render(
             renderer, baked.spec.preview, out, gains=gains, progress=progress, inputs=inputs, later=later, **how
@@ -231,6 +246,64 @@ def parse_sun(text: str) -> tuple[list[float], list[float]]:
     if len(direction) != 3 or len(irradiance) != 3 or not finite or not any(direction) or min(irradiance) < 0:
         raise InputError(f"--sun: expected X,Y,Z=R/G/B, where its light travels and its irradiance, got {text}")
     return direction, irradiance
+
+
+def other_skin(baked: BakeFolder, name: str) -> OtherSkin:
+    """A skin, by its name or file, on the lobes of a bake.
+
+    Raises
+    ------
+    InputError, ConfigError
+        There is no such skin, or its file cannot be used.
+    """
+    from skinbake.io.config import load_named_skin
+    from skinbake.io.table import read_profile_csv
+    from skinbake.preview.other_skin import OtherSkin, stored_variances
+    from skinbake.profile.refit import refit
+
+    def fit() -> GaussianSum:
+        # White or not is the bake's: it goes with its albedo
+        skin = load_named_skin(name).model_copy(update={"normalise": baked.spec.skin.normalise})
+        csv = read_profile_csv(skin.path) if skin.model == "table" else None
+        return refit(skin, stored_variances(baked.scene), baked.scene.table, csv)
+
+    return OtherSkin(Path(name).stem, fit)
+
+
+def other_skins(baked: BakeFolder) -> list[OtherSkin]:
+    """The skins that come with skinbake, on the lobes of a bake."""
+    from skinbake.io.config import skin_names
+
+    return [other_skin(baked, name) for name in skin_names()]
+
+
+def shown_with(baked: BakeFolder, name: str, verbosity: int) -> PreviewScene:
+    """The scene of a bake with another skin; how far its fit is off is told.
+
+    Parameters
+    ----------
+    baked : BakeFolder
+    name : str
+        Of the skin, or its file.
+    verbosity : int
+
+    Raises
+    ------
+    InputError, ConfigError
+        There is no such skin, or it does not go with this bake.
+    """
+    from skinbake.preview.other_skin import skin_line, with_skin
+
+    skin = other_skin(baked, name)
+    try:
+        gaussians = skin.fit()
+    except ConfigError:  # says file and line
+        raise
+    except InputError as error:
+        raise InputError(f"--skin {name}: {error}") from error
+    if verbosity:
+        click.echo(printable(skin_line(skin.name, gaussians)), err=True)
+    return with_skin(baked.scene, gaussians)
 
 
 def _names(views: str | None) -> list[str]:

@@ -189,6 +189,27 @@ def load_skin(path: Path | str, overrides: Sequence[str] = ()) -> SkinSpec:
     return skin
 
 
+def skin_names() -> list[str]:
+    """Names of the skins that come with skinbake, sorted."""
+    return sorted({file.stem for folder in preset_folders() if folder.is_dir() for file in folder.glob("*.yaml")})
+
+
+def load_named_skin(name: str) -> SkinSpec:
+    """A skin by its name, or of a file: a look's, or one that holds a skin alone.
+
+    Raises
+    ------
+    InputError, ConfigError
+        There is no such skin, or its file cannot be used.
+    """
+    if name in skin_names():
+        file = next(folder / f"{name}.yaml" for folder in preset_folders() if (folder / f"{name}.yaml").is_file())
+        return load_skin(file)
+    if not Path(name).is_file():
+        raise InputError(f"skin: expected a file, or one of {', '.join(skin_names())}, got {name}")
+    return load_skin(name)
+
+
 def parse_look(located: Located) -> SceneSpec:
     """Check a mapping whose paths are already resolved."""
     return parse_scene(located.value, located.say)

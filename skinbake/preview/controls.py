@@ -22,7 +22,7 @@ HELP = (
     "N  no scattering     1 ... 9  one lobe      V  next view",
     "TAB  next light      UP, DOWN  its gain     L  it alone",
     ", .  move it         [ ]  exposure          R  reset",
-    "H  this help         Q  quit",
+    "K  next skin         H  this help         Q  quit",
 )
 
 

@@ -96,7 +96,7 @@ class SkinRenderer(Renderer):
     def _check_units(self) -> None:
         """Refuse more lobes than this OpenGL has texture units for."""
         needed, units = (
-            len(self.skin.lobes) + (8 if self.skin.open_sky else 7),
+            len(self.skin.lobes) + (8 if self.skin.open_sky else 7) + (4 if self.skin.table else 0),
             int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_IMAGE_UNITS)),
         )
         if needed > units:
@@ -164,6 +164,20 @@ class SkinRenderer(Renderer):
             self._textures[tile] = TileTextures(scene, tile, self._oil_albedo)
         self._folded.delete()
         self._folded = SummedLobes()
+
+    def set_weights(self, scene: PreviewScene) -> None:
+        """Draw a scene from now on that differs from the one before in its weights alone.
+
+        Raises
+        ------
+        ValueError
+            If one of the two has a table and the other none.
+        """
+        if (scene.table is None) != (self.skin.table is None):
+            raise ValueError("set_weights: expected a table where there was one")
+        self.skin = scene
+        for textures in self._textures.values():
+            textures.set_weights(scene)
 
     def set_lights(self, lights: tuple[LightSpec, ...]) -> None:
         """Move the specular's lights; their baked light stays as it is."""

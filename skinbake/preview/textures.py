@@ -121,7 +121,7 @@ class TileTextures:
     """
 
     def __init__(self, scene: PreviewScene, tile: int, oil_albedo: int) -> None:
-        maps = scene.maps
+        maps, self.tile = scene.maps, tile
         lobes = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
         self.lobe_sizes = {name: (image.shape[2], image.shape[1]) for name, image in lobes.items()}
         self._images: dict[str, NDArray[np.floating]] = lobes | {
@@ -149,6 +149,14 @@ class TileTextures:
         if name not in self._own:
             self._own[name] = upload(self._images[name])
         return self._own[name]
+
+    def set_weights(self, scene: PreviewScene) -> None:
+        """Take the weights of a scene that differs in nothing else."""
+        if scene.table is not None:
+            self._images |= table_images(scene.table, scene.maps, self.tile)
+            old = self._own.pop("weight_table", None)
+            if old is not None:
+                GL.glDeleteTextures([old])
 
     def delete(self) -> None:
         """Free the textures that only this tile uses."""

@@ -5,15 +5,17 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.errors import MachineError
+from skinbake.errors import InputError, MachineError
 from skinbake.preview.camera import VIEWS, Camera, view
 from skinbake.preview.controls import Controls, overlay, press
 from skinbake.preview.mode import parse_mode
+from skinbake.preview.other_skin import OtherSkin, skin_line, with_skin
 from skinbake.preview.relit import sky_samples
 from skinbake.preview.relit_controls import RelitControls, press_relit
 from skinbake.preview.scene import PreviewScene
@@ -37,6 +39,7 @@ def show(
     light_gains: Gains | None = None,
     exposure: float | None = None,
     relit: RelitControls | None = None,
+    skins: Sequence[OtherSkin] = (),
 ) -> None:
     """Open the window and stay until it is closed.
 
@@ -53,6 +56,8 @@ def show(
         Stops, in place of the look's.
     relit : RelitControls, optional
         The light of a scene of `relit_scene`.
+    skins : sequence of OtherSkin
+        What K shows one after another on the same lobes, after the skin of the bake.
 
     Raises
     ------
@@ -61,7 +66,7 @@ def show(
     InputError
         An unknown mode, view or light.
     """
-    PreviewWindow(scene, look, size, mode, light_gains, exposure, relit).run()
+    PreviewWindow(scene, look, size, mode, light_gains, exposure, relit, skins).run()
 
 
 class PreviewWindow:
@@ -76,12 +81,14 @@ class PreviewWindow:
         light_gains: Gains | None = None,
         exposure: float | None = None,
         relit: RelitControls | None = None,
+        skins: Sequence[OtherSkin] = (),
     ) -> None:
         gains = tuple(gains_rgb(scene, light_gains))
         level = look.exposure if exposure is None else exposure
         self.start = Controls(scene.lights, gains, parse_mode(mode, len(scene.lobes)), level)
         self.controls = self.start
         self.relit = self.start_relit = relit
+        self.baked, self.skins, self.shown_skin, self.skin_text = scene, tuple(skins), 0, ""
         self.light_moves = False
         self.scene, self.look = scene, look
         self.view_name: str = look.view
@@ -218,7 +225,8 @@ class PreviewWindow:
     @property
     def lines(self) -> list[str]:
         """Lines of text over the picture."""
-        return overlay(self.controls, self.scene, self.fps, self.relit)
+        first, *others = overlay(self.controls, self.scene, self.fps, self.relit)
+        return [first, *([self.skin_text] if self.skin_text else []), *others]
 
     def pixels(self) -> NDArray[np.uint8]:
         """Pixels that the window would show now, (H, W, 3), row 0 at the top."""
@@ -232,6 +240,22 @@ class PreviewWindow:
         shown = np.empty((height, width, 3), np.uint8)
         GL.glReadPixels(0, 0, width, height, GL.GL_RGB, GL.GL_UNSIGNED_BYTE, shown)
         return shown[::-1]
+
+    def _next_skin(self) -> None:
+        """Show the next skin on the same lobes; one that does not go with them is told and shows that of the bake."""
+        self.shown_skin = (self.shown_skin + 1) % (len(self.skins) + 1)
+        scene, self.skin_text = self.baked, ""
+        if self.shown_skin:
+            skin = self.skins[self.shown_skin - 1]
+            try:
+                gaussians = skin.fit()
+            except InputError as error:
+                self.skin_text = f"skin {skin.name}: {error}"
+            else:
+                scene, self.skin_text = with_skin(self.baked, gaussians), skin_line(skin.name, gaussians)
+        self.window.switch_to()
+        self.scene = scene
+        self.renderer.set_weights(scene)
 
     def close(self) -> None:
         """Free what the graphics card holds, and close the window."""
@@ -249,6 +273,8 @@ class PreviewWindow:
         name = _KEYS.get(name, name)
         if name in ("Q", "ESCAPE"):
             self.window.has_exit = True
+        elif name == "K":
+            self._next_skin()
         elif name == "V":
             self.view_name = VIEWS[(VIEWS.index(self.view_name) + 1) % len(VIEWS)]
             width, height = self.window.get_size()

@@ -58,9 +58,7 @@ def fit_skin(
         report = _of_one(mean, table, photons, seed)
     if mean.scatter == 1 and "scatter" not in varied:
         return report
-    gaussians = with_identity(report.gaussians, mean.scatter, "scatter" in varied)
-    if gaussians.table is not None and not profiles:
-        gaussians = replace(gaussians, table=replace(gaussians.table, constants={"scatter": float(skin.scatter)}))
+    gaussians = with_identity(report.gaussians, mean.scatter, "scatter" in varied, float(skin.scatter))
     return replace(report, gaussians=gaussians, scattered=mean.scatter)
 
 
@@ -75,7 +73,7 @@ def _of_one(skin: SkinSpec, table: tuple[Float, Float] | None, photons: int | No
     profile = profile_of(skin, table, photons, seed)
     if isinstance(skin, GaussiansSkin) and "fit" not in skin.model_fields_set:
         given = scaled_gaussians(given_gaussians(skin), skin.radius)
-        weight = _normalised(given.weight_rgb, given.energy_rgb, skin.normalise)
+        weight = white_weights(given.weight_rgb, given.energy_rgb, skin.normalise)
         gaussians = GaussianSum(
             given.variance_mm2, weight, np.zeros(3), given.energy_rgb, profile.model, skin.normalise
         )
@@ -163,12 +161,12 @@ def fit_report(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white"
     except ValueError as error:
         raise InputError(str(error)) from error
     energy = profile.total_reflectance
-    _normalised(energy[None], energy, normalise)  # refuse before the work
+    white_weights(energy[None], energy, normalise)  # refuse before the work
     if fit.tolerance is None:
         found, met = fitter.fit(fit.gaussians or 6), True
     else:
         found, met = _fewest(fitter, fit.tolerance)
-    weight = _normalised(found.weight, energy, normalise)
+    weight = white_weights(found.weight, energy, normalise)
     gaussians = GaussianSum(found.variance_mm2, weight, found.error, energy, profile.model, normalise)
     return FitReport(gaussians, profile, fit.tolerance, met)
 
@@ -192,8 +190,15 @@ def _fewest(fitter: Fitter, tolerance: float) -> tuple[Projection, bool]:
     return best, False
 
 
-def _normalised(weight: Float, energy: Float, normalise: str) -> Float:
+def white_weights(weight: Float, energy: Float, normalise: str) -> Float:
     """Weights (N, 3) scaled so that each channel sums to 1 ("white"), or as they are ("none").
+
+    Parameters
+    ----------
+    weight : ndarray of shape (N, 3)
+    energy : ndarray of shape (3,)
+        Total reflectance of the model.
+    normalise : {"white", "none"}
 
     Raises
     ------

@@ -114,7 +114,7 @@ class TableFitter:
         return self._fitters[key]
 
 
-def with_identity(gaussians: GaussianSum, scatter: float, varies: bool) -> GaussianSum:
+def with_identity(gaussians: GaussianSum, scatter: float, varies: bool, constant: float) -> GaussianSum:
     """The sum of which a share `scatter` scatters: the rest is a Gaussian of no width, which comes first.
 
     Parameters
@@ -124,6 +124,8 @@ def with_identity(gaussians: GaussianSum, scatter: float, varies: bool) -> Gauss
         In the mean.
     varies : bool
         Whether a map says so texel by texel; then a table is there.
+    constant : float
+        Share where that map is missing.
     """
     variance, weight, table = gaussians.variance_mm2, gaussians.weight_rgb, gaussians.table
     if variance[0] > 0:
@@ -136,7 +138,7 @@ def with_identity(gaussians: GaussianSum, scatter: float, varies: bool) -> Gauss
         zero = np.zeros((1, 1, 3))
         table = WeightTable((), (np.zeros(1), np.zeros(1)), weight[None, None], zero, zero, {})
     if varies and table is not None:
-        table = replace(table, scatters=True)
+        table = replace(table, scatters=True, constants={**table.constants, "scatter": constant})
     elif table is not None:
         table = replace(table, weight_rgb=_mixed(table.weight_rgb, scatter))
     return replace(gaussians, variance_mm2=variance, weight_rgb=_mixed(weight, scatter), table=table)

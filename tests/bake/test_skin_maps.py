@@ -10,10 +10,12 @@ from skinbake.bilinear import magnify_bilinear
 from skinbake.errors import ConfigError, InputError
 from skinbake.export.exports import write_exports
 from skinbake.io.bake_folder import read_bake_folder
+from skinbake.io.config import load_named_skin
 from skinbake.io.exr import Part, read_parts, rgb_channels, write_parts
 from skinbake.io.manifest import read_manifest
 from skinbake.io.mesh.write_obj import write_obj
 from skinbake.io.pictures import diffuse_of
+from skinbake.profile.refit import refit
 from tests.shapes import quad
 
 HEIGHT, WIDTH = 48, 60
@@ -121,7 +123,7 @@ def test_a_uniform_pigment_is_the_number_as_a_key(plane, quantity):
 
 
 def test_pigments_colour_the_skin_and_shape_its_profile(plane):
-    """More melanin is darker, more blood redder where it is light; both have a table of two quantities; probes agree."""
+    """More melanin is darker, more blood redder where it is light; both have a table of two; probes agree."""
     maps = {"albedo": None, "melanin": "ramp.exr", "haemoglobin": "drop.exr"}
     bake = plane(maps, PHYSIOLOGY | {"albedo": "physiology"})
     albedo = bake._pixels.albedo(1001)
@@ -207,6 +209,17 @@ def test_a_folder_holds_what_memory_does(plane, tmp_path):
 def picture(path):
     channels = read_parts(path)[""].channels
     return np.stack([channels[c] for c in "RGB"], axis=-1).astype(np.float32)
+
+
+@pytest.mark.parametrize("name", ["jensen-skin2", "jensen-marble", "physiology-light"])
+def test_another_skin_on_the_same_lobes_is_off_by_no_more_than_its_fit(plane, name):
+    """M of refitted weights against a bake of that skin."""
+    base = plane()
+    found = refit(load_named_skin(name), base.variance_mm2)
+    m = sum(found.weight_rgb[i].astype(np.float32) * base.lobe(i) for i in range(len(base.variance_mm2)))
+    off = apart(m, plane(skin={"preset": name}).radiant_exitance())
+    assert off <= max(found.relative_error_rgb.max(), WITHIN)
+    assert off < 0.5 * apart(base.radiant_exitance(), plane(skin={"preset": name}).radiant_exitance())
 
 
 def test_bad_maps_are_named(plane):

@@ -56,6 +56,21 @@ def test_views_turntable_and_compare_name_their_files(bake, tmp_path):
     )
 
 
+def test_another_skin_is_refitted_onto_the_lobes(bake, tmp_path, capsys):
+    """It changes the picture, says how far its fit is off, and is refused by name where there is none."""
+    own = tmp_path / "own.yaml"
+    own.write_text("sigma_a_per_mm: 0.05\nsigma_sp_per_mm: [1, 2, 3]\n")
+    (first,) = render_still(bake, png=tmp_path / "a.png", size=(40, 30))
+    for name in ("jensen-skin1", str(own)):
+        assert run(["preview", str(bake), "--png", str(tmp_path / "b.png"), "--size", "40x30", "--skin", name]) == 0
+        assert np.abs(picture(first) - picture(tmp_path / "b.png")).max() > 2
+        said = capsys.readouterr().err
+        assert f"skin {name.rpartition('/')[2].removesuffix('.yaml')}: its fit on these lobes is off by" in said
+        assert "bake again for this one" in said
+    assert run(["preview", str(bake), "--png", str(tmp_path / "b.png"), "--skin", "nobody"]) == 2
+    assert "expected a file, or one of donner-three-layer" in capsys.readouterr().err
+
+
 def test_lights_scale_the_float_picture(bake, tmp_path):
     def linear(name, *options):
         assert run(["preview", str(bake), "--exr", "--size", "50x40", "--png", str(tmp_path / name), *options]) == 0

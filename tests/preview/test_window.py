@@ -18,12 +18,21 @@ DRIVE = """
 import json, sys
 import numpy as np
 from pyglet.window import key, mouse
+from skinbake.errors import InputError
+from skinbake.preview.other_skin import OtherSkin, stored_variances
 from skinbake.preview.tonemap import tonemap
 from skinbake.preview.window import PreviewWindow
+from skinbake.profile import GaussianSum
 from skinbake.scene.spec import PreviewSpec
 from tests.preview.scenes import scene
 
-window = PreviewWindow(scene(), PreviewSpec(size=(260, 420), background_rgb=(0.05, 0.02, 0.1)))
+def no_fit():
+    raise InputError("it does not go")
+
+shown = scene()
+other = GaussianSum(stored_variances(shown), np.full((6, 3), 0.1), np.full(3, 0.05), np.ones(3))
+skins = [OtherSkin("pale", lambda: other), OtherSkin("odd", no_fit)]
+window = PreviewWindow(shown, PreviewSpec(size=(260, 420), background_rgb=(0.05, 0.02, 0.1)), skins=skins)
 said, shots = {}, {}
 
 def shoot(name):
@@ -49,6 +58,7 @@ press(key.BRACKETRIGHT); shoot("exposed"); press(key.BRACKETLEFT)
 window.window.dispatch_event("on_mouse_drag", 50, 50, 40, 10, mouse.LEFT, 0); shoot("orbit")
 window.window.dispatch_event("on_mouse_drag", 50, 50, 40, 10, mouse.LEFT, key.MOD_SHIFT); shoot("pan")
 window.window.dispatch_event("on_mouse_scroll", 50, 50, 0, 3); shoot("zoom")
+press(key.K); shoot("other skin"); press(key.K); shoot("wrong skin"); press(key.K); shoot("own skin")
 press(key.V); shoot("view")
 press(key.Q)
 window.run()
@@ -91,9 +101,9 @@ def driven(tmp_path_factory):
         server.wait()
 
 
-def differs(a, b):
+def differs(a, b, below=150):
     """Share of pixels more than 1 of 255 apart, below the text."""
-    return (np.abs(a[150:].astype(int) - b[150:]) > 1).any(axis=-1).mean()
+    return (np.abs(a[below:].astype(int) - b[below:]) > 1).any(axis=-1).mean()
 
 
 def test_the_screens_view_transform_is_tonemap_to_a_step_of_eight_bits(driven):
@@ -117,6 +127,16 @@ def test_lights_are_live(driven):
     assert differs(shots["lamp alone"], shots["moved"]) > 0.001  # its specular moved with it
     assert any("lamp" in line and "stale" in line for line in said["moved"])
     assert not any("stale" in line for line in said["reset"])
+
+
+def test_a_key_shows_another_skin_and_says_how_well_it_fits(driven):
+    said, shots = driven
+    assert differs(shots["zoom"], shots["other skin"], below=190) > 0.02
+    assert said["other skin"][1] == "skin pale: its fit on these lobes is off by 5.00%; bake again for this one"
+    assert said["wrong skin"][1] == "skin odd: it does not go"
+    for name in ("wrong skin", "own skin"):
+        assert differs(shots["zoom"], shots[name], below=190) == 0
+    assert not any("skin" in line for line in said["own skin"])
 
 
 def test_the_text_tells_frame_rate_and_help(driven):
