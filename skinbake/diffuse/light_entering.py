@@ -136,7 +136,7 @@ def light_entering(
             place = i if decisions.separate_lights else 0
             out[place] += image
             if moved is not None and name in shifted:
-                image *= albedo[k] ** exponent
+                image *= albedo[k] if exponent == 1 else albedo[k] ** exponent
                 moved[place] += shifts[k].read(_named(spec, name), image) - image
         light[raster.tile] = out
         if moved is not None:
@@ -158,7 +158,7 @@ def light_entering(
     area = [raster.area_mm2[..., None] for raster in atlas]
     total = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True))
     for (tile_number, rgb), colour in zip(light.items(), albedo, strict=True):
-        rgb *= colour**exponent
+        rgb *= colour if exponent == 1 else colour**exponent
         if tile_number in further:
             further[tile_number] += rgb
             np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
@@ -322,7 +322,8 @@ def _bounce(
         if not line.enabled:
             continue
         sent = [rgb[i : i + 1] * colour for rgb, colour in zip(light.values(), reflected, strict=True)]
-        found = bounced_light(view, sent, [gain[name] * colour for colour in reflected], terms.bounces)
+        later = (gain[name] * colour for colour in reflected)
+        found = bounced_light(view, sent, [*later] if terms.bounces > 1 else [], terms.bounces)
         for raster, small in zip(atlas, found, strict=True):
             add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
     return lines, taken.coarser

@@ -180,7 +180,7 @@ def _patch_light(spec: SceneSpec, maps: SkinMaps, patches: _Patches) -> tuple[Fl
     along = normalized(np.cross(mean, np.where(np.abs(mean[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])))
     across, slant = np.cross(mean, along), np.radians(_LIGHT_DEG)
     shades = []
-    for turn in np.radians([0.0, 90.0, 180.0, 270.0]):
+    for turn in np.radians([0.0, 90.0]):  # detail of normals is about the same from the other sides
         side = np.cos(slant) * mean + np.sin(slant) * (np.cos(turn) * along + np.sin(turn) * across)
         shades.append(np.maximum(np.einsum("kyxc,kc->kyx", normal, side), 0.0) / np.cos(slant))
     return albedo, shades

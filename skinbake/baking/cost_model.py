@@ -1,0 +1,79 @@
+"""Seconds that the stages of a bake take, from what there is to do: texels, lights, directions, tolerance, triangles.
+
+Fitted to bakes of the sample head at 512^2 to 2048^2 and tolerances of .05 to .003 on two cores of a 2.6 GHz server.
+Another machine differs by a factor a stage, which `skinbake.baking.pace` learns from its own bakes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from skinbake.diffuse.terms.interreflection import COARSE_ERROR, COARSENESS
+from skinbake.scene.budget import Budget
+from skinbake.scene.spec import SceneSpec
+
+# What is not known before the look's files are read
+TRIANGLES = 140_000
+BOUNCED = 0.037  # of its light that skin sends to skin; heads
+WALL = 0.65  # seconds on two cores of one of processor time
+
+
+class Work(NamedTuple):
+    """What there is to do.
+
+    Attributes
+    ----------
+    tiles, lobes, triangles : int
+        How many; triangles with those that only cast shadows.
+    """
+
+    tiles: int = 1
+    lobes: int = 6
+    triangles: int = TRIANGLES
+
+
+def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, float]:
+    """Seconds of each stage by its name, once the machine code is compiled and the process runs.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+        At the size that is worked at.
+    budget : Budget
+        Of its tolerance.
+    work : Work
+    """
+    megatexels = spec.texture.size[0] * spec.texture.size[1] * work.tiles / 2**20
+    triangles = work.triangles / 1e6
+    lights = len(spec.lights) if spec.output.separate_lights else 1
+    directions = sum(_directions(light.samples, budget) for light in spec.lights if light.type == "environment")
+    lamps = sum(light.type != "environment" for light in spec.lights)
+    cpu = {
+        "read": 0.2 + 4 * triangles,
+        "raster": 0.05 + 0.1 * megatexels + 0.5 * triangles,
+        "profile": 0.02,
+        "irradiance": 1.2 + 3 * triangles + lamps * 0.17 * megatexels + directions * (13e-4 + 27e-4 * megatexels**0.75),
+        "diffuse": 0.9 + (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 + _between_skin(spec, budget),
+        "preview": 1.0 + 0.35 * megatexels**0.7,
+        "write": 0.02 + 0.25 * megatexels,
+    }
+    return {name: WALL * seconds for name, seconds in cpu.items()}
+
+
+def _directions(asked: int | None, budget: Budget) -> float:
+    """About how many directions a sky's shadows take: four times as many halve the noise twice or less."""
+    if asked is not None:
+        return float(asked)
+    ratio = 0.0076 / max(budget.sky, 1e-9)
+    return float(min(max(256 * ratio ** (1.6 if ratio > 1 else 0.9), 16), 4096))
+
+
+def _between_skin(spec: SceneSpec, budget: Budget) -> float:
+    """Seconds of light from skin to skin: texels and rays by how coarse the receivers may be."""
+    if spec.terms.interreflection == "off":
+        return 0.0
+    left = min(budget.terms_left(light.name) for light in spec.lights)
+    if spec.terms.interreflection == "auto" and left > BOUNCED:
+        return 0.1
+    coarser = min(max(left / (COARSE_ERROR * BOUNCED), COARSENESS[0]), COARSENESS[1])
+    return 0.1 + 0.35 * coarser**-3
