@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from skinbake.io.atomic import atomic_write, write_text
-from skinbake.tradeoff import LIMITS, Row, Sweep, cheapest, pareto_front
+from skinbake.tradeoff import KNOB, LIMITS, Row, Sweep, cheapest, pareto_front
 
 RUNS = "tradeoff.runs.jsonl"
 STAGES = ("profile", "read", "raster", "irradiance", "diffuse", "write")
@@ -107,7 +107,11 @@ def _csv(rows: Iterable[Row]) -> str:
 
 def advice(rows: Sequence[Row]) -> list[str]:
     """The cheapest setting for each limit, in words."""
-    lines = []
+    lines = [
+        f"{KNOB} {row.label}: {row.seconds:.2f} s, {row.peak_mib:.0f} MiB, rms {row.rms:.2%} of all that it governs"
+        for row in rows
+        if row.sweep == KNOB
+    ]
     finest = [row for row in rows if row.reference == "finest"]
     for limit in LIMITS:
         row = cheapest(finest, limit)

@@ -10,7 +10,7 @@ import numpy as np
 
 from skinbake.errors import printable
 from skinbake.io.figures import png_figure
-from skinbake.tradeoff import LIMITS, Row, pareto_front
+from skinbake.tradeoff import KNOB, LIMITS, WHOLE, Row, pareto_front
 
 # Shape and grey value differ as well as hue
 STYLES = {
@@ -43,8 +43,8 @@ def write_chart(path: Path, title: str, rows: Sequence[Row], clock: str) -> None
     InputError, MachineError
         As `atomic_write`.
     """
-    bakes = [row for row in rows if row.reference == "finest" and row.rms > 0]
-    physics = [row for row in rows if row.reference != "finest" and row.rms > 0]
+    bakes = [row for row in rows if row.reference in ("finest", WHOLE) and row.rms > 0]
+    physics = [row for row in rows if row.reference not in ("finest", WHOLE) and row.rms > 0]
     with png_figure(path, 110, figsize=(14 if physics else 9, 6)) as figure:
         panels = 2 if physics else 1
         axes = figure.subplots(1, panels, squeeze=False, width_ratios=[3, 2] if physics else None)
@@ -60,11 +60,19 @@ def _front(axes: Any, rows: Sequence[Row], clock: str) -> None:
     for sweep in dict.fromkeys(row.sweep for row in rows):
         marker, colour = STYLES.get(sweep, ("o", "#777777"))
         mine = [row for row in rows if row.sweep == sweep]
+        knob = sweep == KNOB
         axes.plot(
-            [row.seconds for row in mine], [row.rms for row in mine], marker, color=colour, label=sweep,
+            [row.seconds for row in mine], [row.rms for row in mine], marker, color=colour,
+            label="tolerance, against every term" if knob else sweep, linestyle="-" if knob else "none", linewidth=2.0,
             markersize=13 if marker == "*" else 7, markeredgecolor="black", markeredgewidth=0.6, zorder=3,
         )  # fmt: skip
-    front = pareto_front(rows)
+    for row in rows:
+        if row.sweep == KNOB:
+            axes.annotate(
+                row.label, (row.seconds, row.rms), (0, 8), textcoords="offset points", ha="center", fontsize=8,
+                fontweight="bold", color=STYLES[KNOB][1], zorder=5,
+            )  # fmt: skip
+    front = pareto_front([row for row in rows if row.sweep != KNOB])
     if front:
         axes.step(
             [r.seconds for r in front], [r.rms for r in front], "-", where="post", color="black", lw=1.2, zorder=2

@@ -17,6 +17,9 @@ FINEST = 12  # Gaussians of a reference
 # Several knobs turned at once: share of the size, method, number of Gaussians
 TOGETHER = ((0.5, "texture", 3), (0.5, "auto", 4), (0.25, "texture", 2), (1, "texture", 4), (0.5, "texture", 4))
 
+KNOB, KNOB_VALUES = "tolerance", (0.05, 0.02, 0.01, 0.005, 0.003)  # from draft to final
+WHOLE = "every term"  # the reference that leaves out nothing that the knob may
+
 Overrides = tuple[str, ...]
 
 
@@ -84,25 +87,33 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     finest_skin = _finest_skin(spec)
     references = [
         Reference(
+            WHOLE,
+            (_size(size, 1), "texture.reduce=off", "diffusion.tolerance=0.001", *finest_skin, *_samples(spec, 1024)),
+            f"the surface integral of the finest profile over the light on {size[0]} x {size[1]} texels, with each term "
+            "that the look leaves to be decided",
+        ),
+        Reference(
             "finest",
             (*base, *finest_skin, *_samples(spec, 1024)),
             f"the surface integral of the finest profile (all of a given sum, else {FINEST} Gaussians) over the light "
             f"on {size[0]} x {size[1]} texels" + (", area lights with 1024 samples" if _area_lights(spec) else ""),
-        )
+        ),
     ]
     settings: list[Setting] = []
 
     def add(sweep: str, label: str, *overrides: str, reference: str = "finest") -> None:
         settings.append(Setting(sweep, label, base + overrides, reference))
 
+    # The one knob, with all that it governs: the size, the sky's directions, the terms
+    whole = (_size(size, 1), "texture.reduce=auto", "diffusion.probes=0")
+    for tolerance in KNOB_VALUES if level else (KNOB_VALUES[0], KNOB_VALUES[2]):
+        settings.append(Setting(KNOB, f"{tolerance:g}", (*whole, f"diffusion.tolerance={tolerance}"), WHOLE))
     add("look", "the look as it is")
     for count in ((2, 4), (1, 2, 3, 4, 8), (1, 2, 3, 4, 5, 6, 8, 10, 12))[level]:
         add("Gaussians", f"{count}", f"skin.fit={{gaussians: {count}}}")
     methods = [m for m in METHODS.values() if m.asked_for and not m.exact and (m.classical or spec.diffusion.normalise)]
     for swept in methods if level else dict.fromkeys((methods[0], methods[-1])):  # the roughest and the finest
         add("method", swept.name, f"diffusion.method={swept.name}")
-    for tolerance in ((0.05,), (0.05, 0.005), (0.1, 0.05, 0.02, 0.005, 0.002))[level]:
-        add("tolerance", f"{tolerance:g}", f"diffusion.tolerance={tolerance}", "texture.reduce=auto")
     for scale in ((0.5,), (0.25, 0.5), (0.125, 0.25, 0.5, 0.75))[level]:
         add("size", _size(size, scale).partition("=")[2].strip("[]").replace(", ", " x "), _size(size, scale))
     storage = {"float": "output.precision=float", "lights summed": "output.lights=total"}
@@ -124,7 +135,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
         for reference, rows in _models(spec, same_light, level):
             references.append(reference)
             settings += rows
-    twice = (_size(size, 2), *references[0].overrides[1:]) if level else ()
+    twice = (_size(size, 2), *references[1].overrides[1:]) if level else ()
     return Sweep(tuple(references), tuple(settings), twice)
 
 

@@ -30,6 +30,9 @@ output: {dir: out}
 """
 
 
+SHOWN = {"0.05", "0.01", "texture", "surface"}
+
+
 def row(seconds, rms, reference="finest", key="k"):
     return Row(key, "s", "l", reference, (), rms, rms, rms, seconds, 1.0, 1, 0.0, 1.0, 1)
 
@@ -141,22 +144,25 @@ def test_the_exact_values_know_no_seed_of_the_bake_but_its_own(look):
 
 @pytest.mark.slow
 def test_measures_continues_and_advises(look, tmp_path, monkeypatch, capsys):
-    """Two settings, each in a process of its own; the second command adds runs and measures no error anew."""
+    """Two methods and two tolerances, each in a process of its own; again, it adds runs and measures no error anew."""
 
     def two(spec, size, extent):
         whole = plan_sweep(spec, size, "quick")
-        return Sweep(whole.references[:1], tuple(s for s in whole.settings if s.label in ("texture", "surface")))
+        return Sweep(whole.references[:2], tuple(s for s in whole.settings if s.label in SHOWN))
 
     monkeypatch.setattr("skinbake.tradeoff.plan_sweep", two)
     command = ["tradeoff", str(look), "--quick", "--no-picture", "--points", "200", "--out", str(tmp_path / "t")]
     assert run(command) == 0
     said = capsys.readouterr()
     assert "reference finest" in said.err
-    assert "[100 %]" in said.err
+    assert "[100%]" in said.err
     assert "within 5.0%:" in said.out
+    assert said.out.startswith("tolerance 0.05: ")
     with open(tmp_path / "t" / "tradeoff.csv", newline="") as file:
         rows = {r["setting"]: r for r in csv.DictReader(file)}
-    assert set(rows) == {"texture", "surface"}
+    assert set(rows) == SHOWN
+    assert all(float(rows[label]["rms"]) <= float(label) for label in ("0.05", "0.01"))
+    assert rows["0.05"]["reference"] == "every term"
     assert 0 < float(rows["surface"]["rms"]) < 0.03
     assert float(rows["surface"]["rms"]) < float(rows["texture"]["rms"])
     assert float(rows["surface"]["peak_mib"]) > 50
@@ -174,7 +180,7 @@ def test_measures_continues_and_advises(look, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Child, "__call__", interrupted)
     assert run([*command, "--repeats", "3"]) == 130
     with open(tmp_path / "t" / "tradeoff.csv", newline="") as file:
-        assert {r["setting"] for r in csv.DictReader(file)} == {"texture", "surface"}
+        assert {r["setting"] for r in csv.DictReader(file)} == SHOWN
 
 
 def test_one_task_a_process():
