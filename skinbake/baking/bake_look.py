@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -59,16 +60,19 @@ def bake_look(
     log, folder = bake.log, bake.results.folder
     expected = expected_seconds(bake.inputs, bake.stages(), STAGES if preview else STAGES - {"preview"})
     with log.telling_of_compiling(), log.whole("baking", expected):
-        manifest, baked = _bake_into_folder(bake, preview, start)
+        manifest, baked = _bake_into_folder(bake, preview, start, expected)
     keep_pace(bake.inputs, log)
-    log.say(f"done in {time.perf_counter() - start:.1f} s")
+    about = f", about {sum(expected.values()):.1f} were expected" if expected else ""
+    log.say(f"done in {time.perf_counter() - start:.1f} s{about}")
     for line in (*last_lines(folder, manifest, bake.results.holds_picture), *marked(manifest["warnings"])):
         log.say(line)
     refuse_missed(spec, baked)
     return manifest
 
 
-def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[dict[str, Any], Baked]:
+def _bake_into_folder(
+    bake: FolderBake, preview: bool, start: float, expected: Mapping[str, float]
+) -> tuple[dict[str, Any], Baked]:
     """Run the stages and write their files, the picture among them; the manifest, and what was baked.
 
     Parameters
@@ -78,6 +82,8 @@ def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[di
         End with a picture.
     start : float
         When the bake began, by `time.perf_counter`.
+    expected : mapping of stage name to float
+        Seconds that were expected of what runs.
     """
     inputs, results, log = bake.inputs, bake.results, bake.log
     stages = bake.stages()
@@ -106,6 +112,7 @@ def _bake_into_folder(bake: FolderBake, preview: bool, start: float) -> tuple[di
             manifest["warnings"] = bake_warnings(results.before, found, baked)
             if worst:
                 manifest["error"]["worst"] = worst
+            manifest["timings_expected"] = expected or results.before.get("timings_expected", {})
             manifest["timings"]["total"] = time.perf_counter() - start
             finish_manifest(results, manifest)
             report(log, baked, (manifest["error"] or {}).get("model"), inputs.texture_size.lost)

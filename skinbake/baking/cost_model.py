@@ -16,6 +16,7 @@ from skinbake.scene.spec import SceneSpec
 TRIANGLES = 140_000
 BOUNCED = 0.037  # of its light that skin sends to skin; heads
 WALL = 0.65  # seconds on two cores of one of processor time
+START_S = 0.9  # of the process, until it reads
 
 
 class Work(NamedTuple):
@@ -49,11 +50,17 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
     directions = sum(_directions(light.samples, budget) for light in spec.lights if light.type == "environment")
     lamps = sum(light.type != "environment" for light in spec.lights)
     cpu = {
-        "read": 0.2 + 4 * triangles,
+        "read": 0.05 + 5 * triangles,
         "raster": 0.05 + 0.1 * megatexels + 0.5 * triangles,
         "profile": 0.02,
-        "irradiance": 1.2 + 3 * triangles + lamps * 0.17 * megatexels + directions * (13e-4 + 27e-4 * megatexels**0.75),
-        "diffuse": 0.9 + (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 + _between_skin(spec, budget),
+        "irradiance": 1.05
+        + 4 * triangles
+        + lamps * 0.17 * megatexels
+        + directions * (13e-4 + 27e-4 * megatexels**0.75),
+        "diffuse": 0.5
+        + 3 * triangles
+        + (0.5 + 0.5 * lights) * megatexels * work.lobes / 6
+        + _between_skin(spec, budget),
         "preview": 1.0 + 0.35 * megatexels**0.7,
         "write": 0.02 + 0.25 * megatexels,
     }
@@ -72,7 +79,7 @@ def _between_skin(spec: SceneSpec, budget: Budget) -> float:
     """Seconds of light from skin to skin: texels and rays by how coarse the receivers may be."""
     if spec.terms.interreflection == "off":
         return 0.0
-    left = min(budget.terms_left(light.name) for light in spec.lights)
+    left = min((budget.terms_left(light.name) for light in spec.lights), default=budget.left)
     if spec.terms.interreflection == "auto" and left > BOUNCED:
         return 0.1
     coarser = min(max(left / (COARSE_ERROR * BOUNCED), COARSENESS[0]), COARSENESS[1])

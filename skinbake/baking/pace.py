@@ -1,41 +1,51 @@
-"""How long the stages of a bake take, for whoever waits: a rule of thumb, and what this machine made of it before."""
+"""How long the stages of a bake take on this machine, for whoever waits.
+
+`skinbake.baking.cost_model` says what they take on the machine that it was fitted on. How much longer this one takes is
+kept in the user's cache, a file a machine and version; each bake renews it, and who removes the file begins anew.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+import platform
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
+import skinbake
+from skinbake.baking.cost_model import Work, stage_seconds
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.stage_log import StageLog
 from skinbake.errors import SkinbakeError
 from skinbake.io.atomic import write_text
+from skinbake.io.digests import key_of
 from skinbake.io.user_cache import user_cache
+from skinbake.kernels.threads import processors
 from skinbake.pipeline import Stages
+from skinbake.scene.budget import Budget, budget_of
 from skinbake.scene.spec import SceneSpec
 
-NAME = "pace.json"
-LEAST, MOST = 0.05, 50.0  # times the rule of thumb that a machine is believed to take
+LEAST, MOST = 0.05, 50.0  # times the model's seconds that a machine is believed to take
 NOTABLE = 0.1  # change of that which is worth a file
 STAGES = frozenset({"read", "raster", "profile", "irradiance", "diffuse", "preview", "write"})
-LOBES = 6  # before the profile is fitted
 
 
-def rule_of_thumb(spec: SceneSpec) -> dict[str, float]:
-    """Seconds of each stage, as the sample head takes them at 256^2 to 2048^2 on two cores of a 2.6 GHz server."""
-    tiles = 2 if spec.texture.udim else 1  # without reading the mesh
-    megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
-    lights = len(spec.lights)
-    return {
-        "read": 0.7 + 0.1 * megatexels,
-        "raster": 0.05 + 0.1 * megatexels,
-        "profile": 0.05,
-        "irradiance": lights * (0.15 + 0.2 * megatexels),
-        "diffuse": 0.8 + lights * (0.03 * LOBES + 0.3 * megatexels),
-        "preview": 1.0,
-        "write": 0.05 + 0.2 * megatexels,
-    }
+def rule_of_thumb(spec: SceneSpec, budget: Budget | None = None) -> dict[str, float]:
+    """Seconds of each stage on the machine that the model was fitted on, from the look alone.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    budget : Budget, optional
+        Where the texture's size is decided: `spec` is then at that size.
+    """
+    return stage_seconds(spec, budget or budget_of(spec), Work(tiles=2 if spec.texture.udim else 1))
+
+
+def paced(seconds: Mapping[str, float]) -> dict[str, float]:
+    """Seconds of the model as this machine takes them."""
+    before = _kept()
+    return {name: of * before.get(name, 1.0) for name, of in seconds.items()}
 
 
 def expected_seconds(inputs: BakeInputs, stages: Stages, asked: Collection[str] = STAGES) -> dict[str, float]:
@@ -52,15 +62,13 @@ def expected_seconds(inputs: BakeInputs, stages: Stages, asked: Collection[str] 
     lobes = "diffuse" in asked and bool(light or stages.diffuse.stale())
     runs = dict.fromkeys(("read", "raster", "write"), light or lobes) | {"irradiance": light}
     runs |= dict.fromkeys(("profile", "diffuse", "preview"), lobes)
-    before = _kept()
-    rule = rule_of_thumb(inputs.spec)
-    return {name: s * before.get(name, 1.0) for name, s in rule.items() if name in asked and runs[name]}
+    rule = rule_of_thumb(inputs.spec, inputs.decisions.budget)
+    return {name: s for name, s in paced(rule).items() if name in asked and runs[name]}
 
 
 def whole_seconds(spec: SceneSpec) -> float:
     """Seconds of a whole bake of which nothing is there yet, about."""
-    before = _kept()
-    return sum(seconds * before.get(name, 1.0) for name, seconds in rule_of_thumb(spec).items())
+    return sum(paced(rule_of_thumb(spec)).values())
 
 
 def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
@@ -68,7 +76,7 @@ def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
 
     Stages that took nothing but reading say nothing.
     """
-    before, rule = _kept(), rule_of_thumb(inputs.spec)
+    before, rule = _kept(), rule_of_thumb(inputs.spec, inputs.decisions.budget)
     ran = {name: log.busy[name] / seconds for name, seconds in rule.items() if log.reused.get(name) is False}
     now = before | {name: _believed(0.5 * (before.get(name, times) + times)) for name, times in ran.items()}
     path = _path()
@@ -83,7 +91,8 @@ def _believed(times: float) -> float:
 
 def _path() -> Path | None:
     cache = user_cache()
-    return cache.folder / NAME if cache else None
+    machine = key_of(platform.node(), processors(), skinbake.__version__)[:12]
+    return cache.folder / f"pace-{machine}.json" if cache else None
 
 
 def _kept() -> dict[str, float]:

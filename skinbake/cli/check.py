@@ -209,7 +209,8 @@ def expected(
 
     Fitted to bakes of the sample head at 256^2 to 4096^2, with its own and with 16 times its triangles, and of the Lee
     Perry-Smith scan at 1024^2 and 2048^2: within a factor 1.5 for memory and sizes; seconds, on two free cores of a 2.6
-    GHz server, within 2. Sizes are those of skin with its albedo map; constant light on constant skin takes less.
+    GHz server, within 1.5, times what this machine took longer before (`baking.pace`). Sizes are those of skin with its
+    albedo map; constant light on constant skin takes less.
 
     Parameters
     ----------
@@ -225,6 +226,8 @@ def expected(
     lost : float
         Error of a texture that is coarser than asked for.
     """
+    from skinbake.baking.cost_model import START_S, Work, stage_seconds
+    from skinbake.baking.pace import paced
     from skinbake.diffuse.methods import METHODS
     from skinbake.diffuse.planning.rules import stored_level
     from skinbake.diffuse.terms.transmission import transmitted_level
@@ -232,13 +235,14 @@ def expected(
     from skinbake.io.user_cache import user_cache
     from skinbake.scene.budget import budget_of
 
+    budget, work = budget_of(spec, lost), Work(tiles, len(variance_mm2), uv.triangles + casters)
     lights, summed = len(spec.lights), not spec.output.separate_lights
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
     megatriangles = (uv.triangles + casters) / 1e6
     covered = megatexels * uv.coverage
     texel_mm2 = uv.area_mm2 / max(covered * 2**20, 1)
     # Texels of all lobes, in full textures: the sizes of the plan's rule for surface sums, and light through thin parts
-    bilinear_error, tolerance = METHODS["surface"].bilinear_error, budget_of(spec, lost).blur
+    bilinear_error, tolerance = METHODS["surface"].bilinear_error, budget.blur
     levels = [stored_level(bilinear_error, float(v), max(texel_mm2, 1e-12), tolerance, _SMALLEST) for v in variance_mm2]
     kept = [4.0**-level for level in levels]
     if spec.terms.transmission != "off":
@@ -262,10 +266,8 @@ def expected(
             490 + images_mib + megatexels * (235 + (15 if summed else 58) * (lights - 1)) + megatriangles * 1400
         ),
         "seconds": round(
-            3.5
-            + lights * (0.2 + 0.1 * len(variance_mm2))
-            + megatexels * (0.35 + 0.35 * lights)
-            + megatriangles * 9
+            START_S
+            + sum(paced(stage_seconds(spec, budget, work)).values())
             + (unwrap_seconds(uv.triangles) if spec.texture.unwrap != "none" and user_cache() is None else 0.0),
             1,
         ),

@@ -147,9 +147,8 @@ def light_entering(
     counted = slanted | ({TOTAL_LIGHT} if slanted else set())
     gain = {name: entering_again(spec, decisions, slant if name in counted else None) for name in names}
     # What of a light is left out already; of lights that are stored summed, each may be the only one
-    spent = left_wrong(plan, names if decisions.separate_lights else irradiance[0].lights, 0.0)
-    spent_of = {name: left_wrong(plan, (name,), 0.0) if decisions.separate_lights else spent for name in names}
-    limits = [budget.terms_left(name, spent_of[name]) for name in names]
+    held = {name: (name,) if decisions.separate_lights else irradiance[0].lights for name in names}
+    limits = [min(budget.terms_left(of, left_wrong(plan, (of,), 0.0)) for of in held[name]) for name in names]
     weights = SkinWeights.of(gaussians, scene.maps)
     reflected = [a * weights.total_image(r.tile, r.shape) for a, r in zip(albedo, atlas, strict=True)]
     lines, coarseness = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)

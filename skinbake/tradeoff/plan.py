@@ -89,8 +89,8 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
         Reference(
             WHOLE,
             (_size(size, 1), "texture.reduce=off", "diffusion.tolerance=0.001", *finest_skin, *_samples(spec, 1024)),
-            f"the surface integral of the finest profile over the light on {size[0]} x {size[1]} texels, with each term "
-            "that the look leaves to be decided",
+            f"the surface integral of the finest profile over the light on {size[0]} x {size[1]} texels, with "
+            "each term that the look leaves to be decided",
         ),
         Reference(
             "finest",

@@ -1,0 +1,63 @@
+"""Seconds that are expected of a bake."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from skinbake.baking import pace
+from skinbake.baking.cost_model import Work, stage_seconds
+from skinbake.baking.inputs import BakeInputs
+from skinbake.baking.session import BakeSession
+from skinbake.baking.stage_log import StageLog
+from skinbake.io.config import load_look
+from skinbake.scene.budget import budget_of
+from tests.conftest import ROOT
+
+WITHIN = 1.5
+# Processor seconds of the sample head on a busy two-core machine, by size and tolerance: what the model was fitted to
+TAKEN = {
+    (512, 0.01): 6.4, (512, 0.003): 15.7, (1024, 0.01): 9.2, (1024, 0.003): 23.2, (2048, 0.01): 20.0,
+}  # fmt: skip
+
+
+def head(size, tolerance):
+    return load_look(ROOT / "configs" / "head.yaml", [f"texture.size={size}", f"tolerance={tolerance}"])
+
+
+def total(spec, **work):
+    return sum(stage_seconds(spec, budget_of(spec), Work(**work)).values())
+
+
+@pytest.mark.parametrize("case", TAKEN, ids=str)
+def test_the_sample_head_is_predicted(case):
+    """Within a factor of 1.5, the stages together."""
+    expected = total(head(*case)) / 0.65
+    assert TAKEN[case] / WITHIN < expected < TAKEN[case] * WITHIN
+
+
+def test_more_to_do_takes_longer():
+    """Texels, lobes, triangles, lights and a tighter tolerance."""
+    spec = head(1024, 0.01)
+    assert total(head(2048, 0.01)) > total(spec) < total(head(1024, 0.003))
+    assert total(spec, lobes=3) < total(spec) < total(spec, triangles=1_000_000)
+    fewer = spec.model_copy(update={"lights": spec.lights[:1]})
+    assert total(fewer) < total(spec)
+
+
+def test_the_machine_s_pace_is_kept_and_renewed(tmp_path, monkeypatch):
+    """A bake that takes twice as long as expected doubles what is expected; a damaged file says nothing."""
+    monkeypatch.setenv("SKINBAKE_CACHE", str(tmp_path))
+    inputs, log = BakeInputs(head(256, 0.01), BakeSession(), StageLog()), StageLog()
+    rule = pace.rule_of_thumb(inputs.spec, inputs.decisions.budget)
+    assert pace.paced(rule) == rule
+    log.busy = {name: 2 * seconds for name, seconds in rule.items()}
+    log.reused = dict.fromkeys(rule, False)
+    pace.keep_pace(inputs, log)
+    assert pace.paced(rule) == pytest.approx({name: 2 * seconds for name, seconds in rule.items()})
+    assert pace.whole_seconds(inputs.spec) == pytest.approx(2 * sum(rule.values()))
+    (path,) = tmp_path.glob("pace-*.json")
+    assert json.loads(path.read_text())["diffuse"] == pytest.approx(2)
+    path.write_text("[")
+    assert pace.paced(rule) == rule
