@@ -97,7 +97,7 @@ def left_wrong(plan: Iterable[Decision], lights: Iterable[str], blur: float) -> 
     Parameters
     ----------
     plan : iterable of Decision
-        Those of one light are named `LIGHT.term`; all others count for each light.
+        Those of one light are named `LIGHT.term`; all others, and those of the sum `total`, count for each light.
     lights : iterable of str
     blur : float
         The blur's error.
@@ -107,6 +107,6 @@ def left_wrong(plan: Iterable[Decision], lights: Iterable[str], blur: float) -> 
         name = line.term.rpartition(".")[0]
         if name in own:
             own[name] += line.error**2
-        else:
+        elif name in ("", "total"):
             shared += line.error**2
     return sqrt(shared + max(own.values(), default=0.0))

@@ -57,7 +57,8 @@ def test_squares_add_up_for_the_light_that_is_worst_off():
         Decision("sky.interreflection", False, "", 0.02),
     ]
     assert left_wrong(plan, ("sun", "sky"), 0.0) == pytest.approx(0.05)
-    assert left_wrong(plan, ("sky",), 0.12) == pytest.approx(hypot(0.12, 0.03, 0.04, 0.01, 0.02))
+    assert left_wrong(plan, ("sky",), 0.12) == pytest.approx(hypot(0.12, 0.03, 0.01, 0.02))
+    assert left_wrong([*plan, Decision("total.interreflection", True, "", 0.12)], ("sun",), 0.0) == pytest.approx(0.13)
     assert left_wrong([], (), 0.2) == 0.2
 
 
