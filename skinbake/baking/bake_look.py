@@ -96,7 +96,9 @@ def _bake_into_folder(
         if preview:
             picture.prepare()
         baked = pipeline.bake(stages)
-        found = look_warnings(inputs.spec, inputs.scene(), uv.mm_per_texel[1], baked.gaussians) if uv else None
+        finer = inputs.spec.texture.size[0] / inputs.asked.texture.size[0]  # texels as they were asked for
+        texel_mm = uv.mm_per_texel[1] * finer if uv else 0.0
+        found = look_warnings(inputs.asked, inputs.scene(), texel_mm, baked.gaussians) if uv else None
         worst = worst_place(inputs, baked, results.before)
         try:
             if preview:

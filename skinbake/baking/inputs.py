@@ -43,6 +43,8 @@ class BakeInputs:
     ----------
     spec : SceneSpec
         As it is worked on: where a loose tolerance allows a coarser texture, with that size.
+    asked : SceneSpec
+        The look as it was written.
     texture_size : TextureSize
         That size, and what it loses.
     decisions : Decisions
@@ -52,7 +54,7 @@ class BakeInputs:
     """
 
     def __init__(self, spec: SceneSpec, session: BakeSession, log: StageLog) -> None:
-        self.spec = spec
+        self.spec = self.asked = spec
         self._session, self._log = session, log
         self._stamps = input_stamps(spec)
         self.digests = input_hashes(spec)

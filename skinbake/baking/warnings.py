@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from skinbake.irradiance.light_texels import DARK
 
 if TYPE_CHECKING:
@@ -51,17 +53,21 @@ def bake_warnings(before: Mapping[str, Any], found: Sequence[str] | None, baked:
 
 
 def _coarse(spec: SceneSpec, texel_mm: float, gaussians: GaussianSum) -> list[str]:
-    """A sentence where texels are longer than the way that red light scatters on average: little of it then shows."""
-    weight = gaussians.weight_rgb[:, 0]
-    spread_mm = float(weight @ gaussians.variance_mm2**0.5 / max(weight.sum(), 1e-12))
-    if texel_mm <= spread_mm:
+    """A sentence where texels lose detail that skin would show: those of two texels or more are kept.
+
+    How fine skin shows detail is how far its light goes on average, over the channels: finer light is blurred anyway.
+    """
+    weight = gaussians.weight_rgb / np.maximum(gaussians.weight_rgb.sum(axis=0), 1e-12)
+    finest_mm = float((gaussians.variance_mm2**0.5 @ weight).mean())
+    if texel_mm <= finest_mm:
         return []
     width, height = spec.texture.size
     times = 2
-    while texel_mm / times > spread_mm and max(width, height) * times < LARGEST_TEXTURE:
+    while 2 * texel_mm / times > finest_mm and max(width, height) * times < LARGEST_TEXTURE:
         times *= 2
     finer = str(width * times) if width == height else f"[{width * times}, {height * times}]"
+    kept = "would keep it" if 2 * texel_mm / times <= finest_mm else "would lose less"
     return [
-        f"texels of {texel_mm:.2g} mm are coarser than the {spread_mm:.2g} mm that red light scatters on average, so"
-        f" scattering hardly shows: texture.size: {finer} makes them {texel_mm / times:.2g} mm"
+        f"your texels are {texel_mm:.2g} mm; detail below {finest_mm:.2g} mm, which this skin shows, is lost; "
+        f"texture.size: {finer} {kept}"
     ]
