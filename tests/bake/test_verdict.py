@@ -83,5 +83,5 @@ def test_a_bake_ends_so_and_warns_last(tmp_path, monkeypatch, capsys):
     assert folder == "folder   out"
     assert told.startswith("verdict  within the 1 % asked for: ")
     assert following.endswith("skinbake preview out")
-    assert coarse.startswith("warning  texels of ")
+    assert coarse.startswith("warning  your texels are ")
     assert dark.startswith("warning  light behind: no skin gets any of its light")
