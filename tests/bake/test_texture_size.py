@@ -58,10 +58,10 @@ def test_it_is_told_and_found_again(folder, capfd):
     assert run(["bake", str(folder / "me.yaml"), "--no-preview"]) == 0
     said = capfd.readouterr().err
     assert said.count("as it was") == 3
-    assert "the texture size's error, against the size asked for: " in said
+    assert "  texture size     512 x 1024 of 1024 x 2048" in said
     asked = ["--set", "texture.reduce=off", "--set", "diffusion.probes=0", "--out", str(folder / "off")]
     assert run(["bake", str(folder / "me.yaml"), "--no-preview", *asked]) == 0
-    assert "texture size's error" not in capfd.readouterr().err
+    assert "  texture size" not in capfd.readouterr().err
     assert read_attributes(folder / "off" / "irradiance.exr")["irradiance"]["size"] == [1024, 2048]
 
 
