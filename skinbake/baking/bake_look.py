@@ -18,7 +18,7 @@ from skinbake.baking.session import BakeSession
 from skinbake.baking.stages.preview import PreviewStage
 from skinbake.baking.stages.textures import TexturesStage
 from skinbake.baking.verdict import last_lines, marked, worst_place
-from skinbake.baking.warnings import bake_warnings, look_warnings
+from skinbake.baking.warnings import bake_warnings
 from skinbake.pipeline import Baked
 from skinbake.scene.spec import SceneSpec
 
@@ -96,9 +96,7 @@ def _bake_into_folder(
         if preview:
             picture.prepare()
         baked = pipeline.bake(stages)
-        finer = inputs.spec.texture.size[0] / inputs.asked.texture.size[0]  # texels as they were asked for
-        texel_mm = uv.mm_per_texel[1] * finer if uv else 0.0
-        found = look_warnings(inputs.asked, inputs.scene(), texel_mm, baked.gaussians) if uv else None
+        warnings = bake_warnings(inputs, stages, baked, results.before, uv)
         worst = worst_place(inputs, baked, results.before)
         try:
             if preview:
@@ -111,7 +109,7 @@ def _bake_into_folder(
                 picture.load()  # a picture of these very lobes stays
             results.remove_others()
             manifest = manifest_of(inputs, results, log, baked)
-            manifest["warnings"] = bake_warnings(results.before, found, baked)
+            manifest["warnings"] = warnings
             if worst:
                 manifest["error"]["worst"] = worst
             manifest["timings_expected"] = expected or results.before.get("timings_expected", {})

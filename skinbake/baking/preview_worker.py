@@ -9,13 +9,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.preview.camera import view
+from skinbake.preview.camera import camera_of, view
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode
 from skinbake.preview.picture_part import refuse_picture_too_large
 from skinbake.preview.platform import any_thread
 from skinbake.preview.scene import PreviewScene
-from skinbake.preview.views import plan_views, tone_map
+from skinbake.preview.views import tone_map
 from skinbake.scene.spec import PreviewSpec
 
 T = TypeVar("T")
@@ -24,7 +24,7 @@ T = TypeVar("T")
 def draw_still(renderer: OffscreenRenderer, look: PreviewSpec) -> NDArray[np.uint8]:
     """The picture that a bake ends with, sRGB of shape (H, W, 3); `render` writes the same one by default."""
     refuse_picture_too_large(look.size)
-    camera = plan_views(renderer.scene.mesh, [look.view], None, look.size[0] / look.size[1])[0].camera
+    camera = camera_of(renderer.scene.mesh, look, look.size[0] / look.size[1])
     return tone_map(renderer.draw(camera, look.size, Mode("full")), look.background_rgb, look.exposure)
 
 

@@ -85,7 +85,7 @@ def render(
     exposure = look.exposure if exposure is None else exposure
     refuse_picture_too_large(size, len(modes))
     frames = turntable if turn == "light" else None
-    planned = plan_views(renderer.scene.mesh, views or [look.view], None if frames else turntable, size[0] / size[1])
+    planned = plan_views(renderer.scene.mesh, look, views, None if frames else turntable, size[0] / size[1])
     lit = [later] * len(planned)
     if frames and later is not None:
         lit = [later.turned(360.0 * k / frames) for _ in planned for k in range(frames)]

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skinbake.atlas.report import UvReport, uv_report
 from skinbake.irradiance.light_texels import DARK
 
 if TYPE_CHECKING:
+    from skinbake.baking.inputs import BakeInputs
     from skinbake.irradiance.scene_data import SceneData
-    from skinbake.pipeline import Baked
+    from skinbake.pipeline import Baked, Stages
     from skinbake.profile import GaussianSum
     from skinbake.scene.spec import SceneSpec
 
 LARGEST_TEXTURE = 16384  # that is proposed
-MARK = "warning"
 
 
 def look_warnings(spec: SceneSpec, scene: SceneData, texel_mm: float, gaussians: GaussianSum) -> list[str]:
@@ -35,21 +36,29 @@ def look_warnings(spec: SceneSpec, scene: SceneData, texel_mm: float, gaussians:
     return [*scene.warnings, *_coarse(spec, texel_mm, gaussians)]
 
 
-def bake_warnings(before: Mapping[str, Any], found: Sequence[str] | None, baked: Baked) -> list[str]:
-    """Warnings of a bake.
+def bake_warnings(
+    inputs: BakeInputs, stages: Stages, baked: Baked, before: Mapping[str, Any], uv: UvReport | None
+) -> list[str]:
+    """Warnings of a bake; those of the last one, where nothing that they follow from has changed.
 
     Parameters
     ----------
+    inputs : BakeInputs
+    stages : Stages
+        That were run.
+    baked : Baked
     before : mapping
         The folder's last manifest.
-    found : sequence of str, optional
-        Those of `look_warnings`; None where nothing was traced, and the last bake's hold.
-    baked : Baked
+    uv : UvReport, optional
+        Of the look, where it was made.
     """
     dark = [f"light {line.term}: {line.why}" for line in baked.plan if line.why == DARK]
-    if found is None:
-        found = [str(line) for line in before.get("warnings", ()) if line not in dark]
-    return [*found, *dark]
+    if uv is None and stages.diffuse.reused and before.get("inputs") == inputs.digests:
+        return [*(str(line) for line in before.get("warnings", ()) if line not in dark), *dark]
+    scene = inputs.scene()
+    uv = uv or uv_report(scene.mesh, stages.raster.result())
+    finer = inputs.spec.texture.size[0] / inputs.asked.texture.size[0]  # texels as they were asked for
+    return [*look_warnings(inputs.asked, scene, uv.mm_per_texel[1] * finer, baked.gaussians), *dark]
 
 
 def _coarse(spec: SceneSpec, texel_mm: float, gaussians: GaussianSum) -> list[str]:

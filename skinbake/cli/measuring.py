@@ -336,7 +336,7 @@ def _picture(folder: Path) -> NDArray[np.float32] | None:
 
     baked = read_bake_folder(folder, summed=True)
     look = baked.spec.preview
-    each = plan_views(baked.scene.mesh, [look.view], None, PICTURE[0] / PICTURE[1])[0]
+    each = plan_views(baked.scene.mesh, look, [], None, PICTURE[0] / PICTURE[1])[0]
     try:
         with OffscreenRenderer(baked.scene) as renderer:
             frame = renderer.draw(each.camera, PICTURE, Mode("full"), supersample=2)

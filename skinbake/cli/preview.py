@@ -87,7 +87,7 @@ def command(
     """
     from skinbake.preview.platform import has_display
 
-    folder = bake_folder(folder)
+    named, folder = folder, bake_folder(folder)
     gains = parse_lights(lights)
     pixels = parse_size(size) if size else None
     pictures = bool(out or png or exr or views or turntable or compare)
@@ -105,17 +105,24 @@ def command(
     elif rotate or turn == "light":
         raise InputError("--rotate and --turn light: expected --environment or --sun, which they turn")
     if not pictures and has_display():
+        from skinbake.baking.window_actions import window_actions
         from skinbake.io.bake_folder import read_bake_folder, read_relit_folder
-        from skinbake.preview.window import show
+        from skinbake.preview.platform import renderer_words
+        from skinbake.preview.window import PreviewWindow
         from skinbake.progress import Progress
 
-        with Progress(verbosity > 0).task("reading the bake"):
+        progress = Progress(verbosity > 0)
+        with progress.task("reading the bake"):
             baked = read_relit_folder(folder) if later else read_bake_folder(folder)
         scene, skins = baked.scene, [] if later else other_skins(baked)
         if skin:
             skins.insert(0, other_skin(baked, skin))
             scene = shown_with(baked, skin, verbosity)
-        show(scene, baked.spec.preview, pixels, mode, gains, exposure, relit_controls(later, environment), skins)
+        actions = window_actions(Path(folder), None if named == folder else Path(named))
+        relit = relit_controls(later, environment)
+        window = PreviewWindow(scene, baked.spec.preview, pixels, mode, gains, exposure, relit, skins, actions)
+        progress.line(f"drawn by {renderer_words(window.device)}; H shows the keys")
+        window.run()
         return
     render_still(
         folder,
@@ -167,6 +174,7 @@ def render_still(
     from skinbake.io.fingerprint import every_input
     from skinbake.io.output_names import PICTURE, PICTURE_KEY, is_output
     from skinbake.preview.draw import OffscreenRenderer
+    from skinbake.preview.platform import renderer_words
     from skinbake.progress import Progress
 
     progress = Progress(verbosity > 0)
@@ -180,6 +188,7 @@ def render_still(
     scene = shown_with(baked, skin, verbosity) if skin else baked.scene
     with progress.task("starting OpenGL"):
         renderer = OffscreenRenderer(scene)
+    progress.line(f"drawn by {renderer_words(renderer.device)}")
     with renderer:
         return render(
             renderer, baked.spec.preview, out, gains=gains, progress=progress, inputs=inputs, later=later, **how

@@ -22,7 +22,7 @@ from skinbake.irradiance.oil_albedo import specular_albedo_table
 from skinbake.irradiance.oil_layer import ROUGHNESS_MIN
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.page.refuse_varying import refuse_varying
-from skinbake.preview.camera import view
+from skinbake.preview.camera import camera_of
 
 SCRIPT, DATA, MESH = "skin_blender.py", "skin_blender.json", "skin.obj"
 _TABLE, _AFTER = "oil_albedo.exr", "albedo_after.exr"
@@ -80,7 +80,7 @@ def write_blender(baked: BakedSkin, folder: Path, target: Path) -> None:
         for tile in baked.tiles:
             _write(target, _AFTER, tile, baked, baked.albedo_after(tile))
     udim, width = look.texture.udim, look.preview.size[0]
-    camera = view(scene.mesh, look.preview.view, width / look.preview.size[1])
+    camera = camera_of(scene.mesh, look.preview, width / look.preview.size[1])
     about = {
         "mesh": MESH,
         "tiles": list(baked.tiles),

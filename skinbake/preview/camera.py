@@ -9,6 +9,7 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.numerics import Float, normalized
 from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import PreviewSpec
 
 PORTRAIT_YFOV_DEG = float(np.degrees(2 * np.arctan(18 / 85)))  # 85 mm lens on 36 mm tall film
 HEAD_DIAGONAL_MM = 350.0
@@ -87,6 +88,22 @@ class Camera:
         height = 2 * self.distance_mm * np.tan(np.radians(self.yfov_deg) / 2)
         axes = self.pose[:3, :3]
         return replace(self, target_mm=self.target_mm + height * (right * axes[:, 0] + up * axes[:, 1]))
+
+
+def camera_of(mesh: SkinMesh, look: PreviewSpec, aspect: float) -> Camera:
+    """The camera of a look: its own, else its view's.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    look : PreviewSpec
+    aspect : float
+        Width / height of the frame.
+    """
+    own = look.camera
+    if own is None:
+        return view(mesh, look.view, aspect)
+    return Camera(np.array(own.target_mm, np.float64), own.distance_mm, own.azimuth_deg, own.elevation_deg)
 
 
 def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:

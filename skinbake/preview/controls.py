@@ -16,13 +16,14 @@ from skinbake.scene.lights import DirectionalLight, LightSpec, RectangleLight, S
 GAIN_STEP = 2**0.25
 EXPOSURE_STEP = 0.25
 TURN_DEG = 5.0
-HELP = (
-    "drag  orbit          shift+drag  pan        wheel  zoom",
-    "F  everything        D  diffuse only        S  specular only",
-    "N  no scattering     1 ... 9  one lobe      V  next view",
-    "TAB  next light      UP, DOWN  its gain     L  it alone",
-    ", .  move it         [ ]  exposure          R  reset",
-    "K  next skin         H  this help         Q  quit",
+HELP = (  # key, what it does; a tab between columns
+    "drag\torbit\tshift+drag\tpan\twheel\tzoom",
+    "F\teverything\tD\tdiffuse only\tS\tspecular only",
+    "N\tno scattering\t1 ... 9\tone lobe\tV\tnext view",
+    "TAB\tnext light\tUP, DOWN\tits gain\tL\tit alone",
+    ", .\tmove it\t[ ]\texposure\tR\treset",
+    "K\tnext skin\tP\tsave the picture\tW\twrite gains and view into the look",
+    "H\tthis help\tQ\tquit",
 )
 
 
@@ -154,9 +155,13 @@ def _place(light: LightSpec) -> Float:
 
 
 def overlay(
-    controls: Controls, scene: PreviewScene, frames_per_second: float, relit: RelitControls | None = None
+    controls: Controls,
+    scene: PreviewScene,
+    frames_per_second: float,
+    relit: RelitControls | None = None,
+    view: str = "",
 ) -> list[str]:
-    """Lines of text over the picture: what is shown, how fast, the lights, and the help if asked for.
+    """Lines of text over the picture: what is shown from where, how fast, the lights, and the help if asked for.
 
     Parameters
     ----------
@@ -165,6 +170,8 @@ def overlay(
     frames_per_second : float
     relit : RelitControls, optional
         Light that comes later, in place of the bake's.
+    view : str
+        Name of the view.
     """
     names = {
         "full": "everything",
@@ -179,7 +186,8 @@ def overlay(
         shown = f"lobe {mode.lobe + 1} of {len(scene.lobes)}, {width}"
     else:
         shown = names[mode.name]
-    lines = [f"{shown}   exposure {controls.exposure:+.2f}   {frames_per_second:.0f} fps   H: help"]
+    place = f"{view}   " if view else ""
+    lines = [f"{place}{shown}   exposure {controls.exposure:+.2f}   {frames_per_second:.0f} fps   H: help"]
     lines += _light_lines(controls, scene) if relit is None else [relit.line]
     own = () if relit is None else RELIT_HELP
     return [*lines, *own, *HELP] if controls.help else lines

@@ -9,6 +9,7 @@ from typing import Any
 
 from skinbake.errors import MachineError
 
+SOFTWARE = ("llvmpipe", "softpipe", "swrast", "swiftshader", "software", "basic render")
 _ADVICE = (
     "install Mesa's EGL (Debian and Ubuntu: apt install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri; "
     "Fedora: dnf install mesa-libEGL mesa-dri-drivers) or OSMesa (libosmesa6), "
@@ -19,6 +20,12 @@ _ADVICE = (
 def has_display() -> bool:
     """Whether a window could be opened."""
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY"))
+
+
+def renderer_words(device: str) -> str:
+    """What draws, by the name that OpenGL gives it: "software: llvmpipe", or the graphics card's name."""
+    name = device.split("(")[0].strip()
+    return f"software: {name}" if any(word in name.lower() for word in SOFTWARE) else name
 
 
 def any_thread() -> bool:

@@ -10,7 +10,7 @@ from skinbake.preview.relit import LaterLight
 
 TURN_DEG = 5.0
 NOT_RELIT = frozenset(("N", "TAB", "L", "UP", "DOWN", ",", ".", *"123456789"))  # keys on a bake's own lights and lobes
-RELIT_HELP = ("ctrl+drag  turn the light, raise suns    , .  turn it    K  next sky",)
+RELIT_HELP = ("ctrl+drag\tturn the light, raise suns\t, .\tturn it\tK\tnext sky",)
 
 
 @dataclass(frozen=True)

@@ -17,23 +17,32 @@ from numpy.typing import NDArray
 FONT_POINTS = 14
 LINE_PIXELS = 20
 MARGIN_PIXELS = 12
+COLUMN_PIXELS = 18  # between columns
 
 
-def overlay_text(lines: Sequence[str], size: tuple[int, int]) -> NDArray[np.uint8]:
+def overlay_text(lines: Sequence[str]) -> NDArray[np.uint8]:
     """Text on a plate, shape (height, width, 2), 0 ... 255: the ink, and the plate that darkens what lies behind.
 
-    `size` is (width, height); row 0 is at the top.
+    Row 0 is at the top. What tabs part in a line stands in columns, which all lines share that have tabs.
     """
     from PIL import Image, ImageDraw
 
+    font = _font()
+    rows = [line.split("\t") for line in lines]
+    tabbed = [row for row in rows if len(row) > 1]
+    columns = [MARGIN_PIXELS]
+    for column in range(max(map(len, tabbed), default=1) - 1):
+        widest = max(font.getlength(row[column]) for row in tabbed if column < len(row) - 1)
+        columns.append(columns[-1] + round(widest) + COLUMN_PIXELS)
+    ends = [columns[len(row) - 1] + font.getlength(row[-1]) for row in rows]
+    size = (round(max(ends, default=0.0)) + MARGIN_PIXELS, 2 * MARGIN_PIXELS + LINE_PIXELS * len(lines))
     ink, plate = Image.new("L", size, 0), Image.new("L", size, 0)
     pen = ImageDraw.Draw(ink)
-    at = [(MARGIN_PIXELS, MARGIN_PIXELS + LINE_PIXELS * row) for row in range(len(lines))]
-    for corner, line in zip(at, lines, strict=True):
-        pen.text(corner, line, fill=255, font=_font())
-    widest = max((pen.textlength(line, font=_font()) for line in lines), default=0.0)
-    right, bottom = 1.5 * MARGIN_PIXELS + widest, 1.5 * MARGIN_PIXELS + LINE_PIXELS * len(lines)
-    ImageDraw.Draw(plate).rectangle((MARGIN_PIXELS / 2, MARGIN_PIXELS / 2, right, bottom), fill=140)
+    for number, row in enumerate(rows):
+        for left, cell in zip(columns, row, strict=False):
+            pen.text((left, MARGIN_PIXELS + LINE_PIXELS * number), cell, fill=255, font=font)
+    edge = MARGIN_PIXELS / 2
+    ImageDraw.Draw(plate).rectangle((edge, edge, size[0] - edge, size[1] - edge), fill=140)
     return np.stack([np.asarray(ink), np.asarray(plate)], axis=-1)
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.preview.camera import Camera, turntable, view
+from skinbake.preview.camera import Camera, camera_of, turntable, view
 from skinbake.preview.draw import PreviewImage
 from skinbake.preview.tonemap import tonemap
 from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import PreviewSpec
 
 
 @dataclass(frozen=True)
@@ -22,14 +23,17 @@ class View:
     camera: Camera
 
 
-def plan_views(mesh: SkinMesh, views: Sequence[str], frames: int | None, aspect: float) -> list[View]:
+def plan_views(
+    mesh: SkinMesh, look: PreviewSpec, views: Sequence[str], frames: int | None, aspect: float
+) -> list[View]:
     """Views to render: one a name, or `frames` of them once around the head from each.
 
     Parameters
     ----------
     mesh : SkinMesh
+    look : PreviewSpec
     views : sequence of str
-        Names, as `camera.VIEWS`.
+        Names, as `camera.VIEWS`; without any, the look's own camera or view.
     frames : int, optional
     aspect : float
         Width / height of the frame.
@@ -40,7 +44,9 @@ def plan_views(mesh: SkinMesh, views: Sequence[str], frames: int | None, aspect:
         For an unknown name.
     """
     if not frames:
-        return [View(name, view(mesh, name, aspect)) for name in views]
+        named = [View(name, view(mesh, name, aspect)) for name in views]
+        return named or [View("camera" if look.camera else look.view, camera_of(mesh, look, aspect))]
+    views = views or [look.view]
     prefix = "{}_" if len(views) > 1 else ""
     return [
         View(f"{prefix.format(name)}{k:04d}", camera)

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from skinbake.scene.frames import frame_numbers
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.skin import PhysiologySkin, SkinSpec
-from skinbake.scene.strict import Also, Fraction, NonNegative, Positive, Strict
+from skinbake.scene.strict import Also, Fraction, NonNegative, Positive, Strict, Vector
 
 AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
 # Key of the validation context: a function that gives, by name, whether a method knows sums that are not normalised
@@ -439,6 +439,19 @@ STOPS = 100
 Shade = Annotated[float, Field(ge=0, le=1e6)]
 
 
+class CameraSpec(Strict):
+    """A camera on an orbit about a point of the head; +y is up."""
+
+    target_mm: Vector
+    """What it looks at, mm."""
+    distance_mm: Annotated[float, Field(ge=1, le=1e6)]
+    """How far away it stands, mm."""
+    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """0 looks at the face, 90 at the head's left side."""
+    elevation_deg: Annotated[float, Field(ge=-89, le=89)] = 0.0
+    """How far above the target, degrees."""
+
+
 class PreviewSpec(Strict):
     """Picture that a bake ends with; the verb `preview` can override it."""
 
@@ -446,6 +459,8 @@ class PreviewSpec(Strict):
     """Width and height in pixels."""
     view: View = "three-quarter"
     """Where the camera stands."""
+    camera: CameraSpec | None = None
+    """A place of one's own, in place of `view`'s; the window's key W writes it."""
     exposure: Annotated[float, Field(ge=-STOPS, le=STOPS)] = 0.0
     """Stops."""
     background_rgb: tuple[Shade, Shade, Shade] = (0.018, 0.019, 0.022)

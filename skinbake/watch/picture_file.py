@@ -11,10 +11,11 @@ from skinbake.baking.verdict import as_typed
 from skinbake.io.atomic import write_bytes
 from skinbake.io.output_names import PICTURE, refuse_foreign
 from skinbake.io.png import write_png
+from skinbake.preview.camera import camera_of
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode
 from skinbake.preview.picture_part import refuse_picture_too_large
-from skinbake.preview.views import plan_views, tone_map
+from skinbake.preview.views import tone_map
 from skinbake.watch.draft import Draft
 
 NAME = "watch.png"
@@ -53,7 +54,7 @@ class PictureFile:
             if renderer is not None:
                 renderer.close()
             self._renderer = renderer = OffscreenRenderer(draft.scene)
-        camera = plan_views(draft.scene.mesh, [look.view], None, look.size[0] / look.size[1])[0].camera
+        camera = camera_of(draft.scene.mesh, look, look.size[0] / look.size[1])
         return tone_map(
             renderer.draw(camera, look.size, Mode("full"), supersample=1), look.background_rgb, look.exposure
         )

@@ -94,6 +94,7 @@ def plain(**parts):
     return copy.deepcopy(PLAIN) | parts
 
 
+CAMERA = {"preview.camera.target_mm": [0, 3, 0], "preview.camera.distance_mm": 80.0}
 BASES = {
     "head": plain(
         mesh=PLAIN["mesh"] | {"cast": ["Eye"], "ignore": ["Lash"]},
@@ -225,7 +226,9 @@ CHANGES = {
     "shown": [{"preview.size": [30, 24], "preview.view": "front", "preview.exposure": 1.0,
                "preview.background_rgb": [0.5, 0.2, 0.1], "specular.f0": 0.05, "skin.variance_mm2": [4.0, 50.0],
                "skin.weight_rgb": [[0.4, 0.6, 0.7], [0.6, 0.4, 0.3]], "skin.normalise": "none"},
-              {"skin.fit.gaussians": 1}, {"skin.fit.tolerance": 0.9}],
+              {"skin.fit.gaussians": 1}, {"skin.fit.tolerance": 0.9},
+              *({f"preview.camera.{key}": value} | CAMERA for key, value in
+                (("target_mm", [0, 3, 0]), ("distance_mm", 80.0), ("azimuth_deg", 30.0), ("elevation_deg", 20.0)))],
     "relit": [{"relight.textures": 7, "relight.size": 16, "relight.tolerance": 0.2, "relight.basis": "harmonics",
                "texturing.mode": "post-scatter", "relight.reuse": True}],
 }  # fmt: skip
