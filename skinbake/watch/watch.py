@@ -69,7 +69,7 @@ class Watch:
         self._files = SavedFiles(config)
         self._work: Future[Any] | None = None
         self._kind, self._since, self._stale = "", 0.0, False
-        self._fault, self._unread, self._tried = "", False, 0.0
+        self._fault, self._unread, self._tried, self._looked = "", False, 0.0, 0.0
         self.spec = self._load()
 
     def _load(self) -> SceneSpec:
@@ -110,6 +110,9 @@ class Watch:
     def step(self) -> None:
         """Do what there is to do, without waiting."""
         now = time.monotonic()
+        if now - self._looked < POLL_S:
+            return
+        self._looked = now
         if self._files.saved() or (self._unread and now - self._tried > AGAIN_S):
             self._tried = now
             self._reload()

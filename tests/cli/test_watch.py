@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from skinbake.io.mesh import write_obj
@@ -16,6 +17,7 @@ from skinbake.preview.setup_gl import renderer_name
 from tests.cli.test_faults import LOOK, mounted
 from tests.cli.test_interrupt import LIMIT_S, Running, litter
 from tests.conftest import ROOT
+from tests.preview.display import display
 from tests.shapes import relief
 
 pytestmark = pytest.mark.slow  # processes, waits, or many bakes
@@ -119,6 +121,85 @@ def test_saves_show_and_ctrl_c_ends_it(folder):
     while watched.family() and time.monotonic() < end:
         time.sleep(0.02)
     assert watched.family() + litter(folder / "out") == []
+
+
+DRIVE = """
+import json, sys, time
+import numpy as np
+from pyglet.window import key
+from skinbake import interrupt
+from skinbake.watch.picture_window import PictureWindow
+from skinbake.watch.watch import Watch
+from pathlib import Path
+
+config = Path("look.yaml")
+screen = PictureWindow(Path("window"), config)
+watch = Watch(config, ["preview.size=[200, 160]"], "window", screen)
+watch.begin()
+window = screen.window
+said, shots = {"first": window.message}, {"first": window.pixels()}
+
+def until(so):
+    end = time.monotonic() + 60
+    while not so():
+        assert time.monotonic() < end, window.lines
+        window.window.dispatch_events()
+        watch.step()
+        time.sleep(0.01)
+
+def save(before, after):
+    text = config.read_text()
+    assert before in text
+    config.write_text(text.replace(before, after))
+
+until(lambda: window.message == "as asked")
+renderer, camera = window.renderer, window.camera.turned(20)
+window.camera = camera
+window.frame()
+save("irradiance: [2, 2, 2]", "irradiance: [9, 1, 1]")
+until(lambda: window.message.startswith("draft"))
+shots["draft"] = window.pixels()
+until(lambda: window.message == "as asked")
+shots["as asked"] = window.pixels()
+said["in place"] = [window.renderer is renderer, window.camera is camera]
+save("irradiance: [9, 1, 1]", "irradiance: [9, 1")
+until(lambda: "look.yaml:" in window.message)
+shots["fault"] = window.pixels()
+said["fault"] = window.message
+save("irradiance: [9, 1", "irradiance: [9, 1, 1]")
+until(lambda: window.message == "as asked")
+window.window.dispatch_event("on_key_press", key.UP, 0)
+window.window.dispatch_event("on_key_press", key.W, 0)
+window.window.dispatch_events()
+said["written"] = window.message
+until(lambda: window.message == "as asked")
+said["look"] = config.read_text()
+said["gains"] = window.controls.gains_rgb.tolist()
+watch.close()
+window.close()
+np.savez(sys.argv[1], **shots)
+print(json.dumps(said))
+"""
+
+
+def test_the_window_shows_it_in_place(folder, tmp_path):
+    """Draft and bake from where the camera stands; a fault below the picture; W writes the gain, which is then 1."""
+    with display() as environment:
+        done = subprocess.run(
+            [sys.executable, "-c", DRIVE, str(tmp_path / "shots.npz")], cwd=folder, capture_output=True, text=True,
+            env=environment | {"PYTHONPATH": str(ROOT)}, timeout=2 * WAIT_S,
+        )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    said, shots = json.loads(done.stdout.splitlines()[-1]), dict(np.load(tmp_path / "shots.npz"))
+    assert said["first"] == "draft, 52 x 48"
+    assert said["in place"] == [True, True]
+    assert said["fault"].startswith("look.yaml:")
+    assert said["written"] == "written to look.yaml: key.irradiance, preview.camera"
+    assert "irradiance: [10.7, 1.189, 1.189]" in said["look"]
+    assert said["gains"] == [[1, 1, 1], [1, 1, 1]]
+    below = 120  # the text
+    assert (shots["draft"][below:] != shots["first"][below:]).any()
+    np.testing.assert_array_equal(shots["fault"][below:], shots["as asked"][below:])
 
 
 def test_what_cannot_be_shown_is_refused_at_the_start(folder, tmp_path):

@@ -1,14 +1,14 @@
 """The window shows what the headless picture shows, and its keys and mouse change it."""
 
 import json
-import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from tests.preview.display import display
 
 pytestmark = pytest.mark.slow  # processes, waits, or many bakes
 
@@ -104,35 +104,14 @@ print(json.dumps(said))
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
-    xvfb = shutil.which("Xvfb")
-    if xvfb is None:
-        pytest.skip("Xvfb is not installed (make test installs it where it may; else: apt install xvfb)")
-    read, write = os.pipe()
-    server = subprocess.Popen(
-        [xvfb, "-displayfd", str(write), "-screen", "0", "800x600x24", "-nolisten", "tcp"],
-        pass_fds=[write],
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        os.close(write)
-        with os.fdopen(read) as pipe:
-            display = pipe.readline().strip()
-        assert display, "Xvfb did not start"
-        shots = tmp_path_factory.mktemp("window") / "shots.npz"
-        environment = {k: v for k, v in os.environ.items() if k != "PYOPENGL_PLATFORM"}
+    shots = tmp_path_factory.mktemp("window") / "shots.npz"
+    with display() as environment:
         done = subprocess.run(
-            [sys.executable, "-c", DRIVE, str(shots)],
-            env=environment | {"DISPLAY": f":{display}"},
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
+            [sys.executable, "-c", DRIVE, str(shots)], env=environment, cwd=ROOT, capture_output=True, text=True,
             timeout=120,
-        )
-        assert done.returncode == 0, done.stderr
-        yield json.loads(done.stdout.splitlines()[-1]), dict(np.load(shots))
-    finally:
-        server.terminate()
-        server.wait()
+        )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1]), dict(np.load(shots))
 
 
 def differs(a, b, below=150):
