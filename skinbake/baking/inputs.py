@@ -142,6 +142,8 @@ class BakeInputs:
         chosen = getattr(spec.maps, role, None)
         # What stands in for a map: a constant, or what the mesh's own file holds, whose digest every stage has
         others: tuple[Any, ...] = (spec.maps.albedo_rgb, spec.maps.vertex_colors) if role == "albedo" else ()
+        if role == "specular":
+            others = (self._part("cavity"),)
         if role == "albedo" and isinstance(spec.skin, PhysiologySkin) and spec.skin.albedo is not None:
             others += (spec.skin.model_dump(mode="json"), [self._part(name) for name in PIGMENTS])
         source = spec.maps.source if chosen is None else None

@@ -30,7 +30,7 @@ from skinbake.io.manifest import read_manifest, transport_digest, write_manifest
 from skinbake.io.scene_files import read_scene
 from skinbake.io.truth import read_walks, write_truth, write_walks
 from skinbake.irradiance.decide import decide
-from skinbake.irradiance.oil_albedo import transmitted_share
+from skinbake.irradiance.oil_albedo import oil_table, transmitted_share
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
 from skinbake.progress import Progress
@@ -112,7 +112,7 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
     share = None
     if decide(look).energy_conservation.enabled:
         oil = look.specular
-        share = transmitted_share(np.linspace(0, 1, SHARE_NODES), oil.roughness, oil.f0, oil.strength)
+        share = transmitted_share(np.linspace(0, 1, SHARE_NODES), oil.roughness, oil.f0, oil.strength, oil_table(oil))
 
     progress, folder = Progress(verbosity > 0), Path(look.output.dir)
     key = key_of(

@@ -31,7 +31,7 @@ from skinbake.diffuse.terms.interreflection import (
 )
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.normal_map import shading_normals
-from skinbake.irradiance.oil_albedo import mean_specular_albedo
+from skinbake.irradiance.oil_albedo import mean_specular_albedo, oil_table
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import SkySlant, Slant, apply_slant, decide_incidence, slant_of, slant_of_sky
 from skinbake.numerics import Float
@@ -269,7 +269,7 @@ def entering_again(spec: SceneSpec, decisions: Decisions, slant: Slant | None) -
     share = 1.0
     if decisions.energy_conservation.enabled:
         oil = spec.specular
-        share = float(np.clip(1 - oil.strength * mean_specular_albedo(oil.roughness, oil.f0), 0, 1))
+        share = float(np.clip(1 - oil.strength * mean_specular_albedo(oil.roughness, oil.f0, oil_table(oil)), 0, 1))
     factor = slant.diffuse_rgb if slant else np.ones(3)
     return (share * factor).astype(np.float32)
 

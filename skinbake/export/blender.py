@@ -18,7 +18,7 @@ from skinbake.io.irradiance import tile_path
 from skinbake.io.manifest import read_manifest
 from skinbake.io.mesh import write_obj
 from skinbake.io.scene_files import read_scene
-from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.irradiance.oil_layer import ROUGHNESS_MIN
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.page.refuse_varying import refuse_varying
@@ -110,7 +110,7 @@ def _write_oil(baked: BakedSkin, scene: SceneData, target: Path) -> dict[str, An
     """Write the oil's albedo and maps; what the script is told of them."""
     oil, maps, udim = baked.look.specular, scene.maps, baked.look.texture.udim
     # Row 0 of a picture is v = 1: light that leaves along the normal
-    table = specular_albedo_table().astype(np.float32)[::-1]
+    table = oil_table(oil).astype(np.float32)[::-1]
     blue = np.zeros(table.shape[:2], np.float32)
     write_parts(target / _TABLE, [Part("", {"R": table[..., 0], "G": table[..., 1], "B": blue})], precision="float")
     written = {}
@@ -179,6 +179,6 @@ def _oil_maps(baked: BakedSkin) -> Iterator[str]:
     """Maps of the oil that the look has."""
     maps = baked.look.maps
     bends = maps.normal or maps.height or maps.detail
-    for name, there in (("normal", bends), ("roughness", maps.roughness), ("specular", maps.specular)):
+    for name, there in (("normal", bends), ("roughness", maps.roughness), ("specular", maps.specular or maps.cavity)):
         if there or (maps.source and name != "specular"):
             yield name

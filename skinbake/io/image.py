@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE
+from skinbake.bilinear import magnify_bilinear
 from skinbake.errors import InputError
 from skinbake.io.colour import decode
 from skinbake.io.image_file import StoredImage, read_stored
@@ -70,6 +71,7 @@ def read_maps(
         "normal": _normals,
         "roughness": _roughness,
         "specular": _factor,
+        "cavity": _factor,
         "height": _heights,
         "detail": _normals,
         "scatter": _factor,
@@ -103,10 +105,25 @@ def read_maps(
         maps |= {"normal_space": spec.normal.space, "normal_strength": spec.normal.strength}
     if spec.height is not None:
         maps["height_mm"] = maps.pop("height")
+    if spec.cavity is not None:
+        maps["specular"] = _times(maps.get("specular", {}), maps.pop("cavity"))
     if spec.detail is not None:
         detail = maps["detail"][FIRST_TILE]
         maps["detail"] = DetailNormals(detail, spec.detail.repeat, spec.detail.strength)
     return SkinMaps(albedo_rgb=spec.albedo_rgb or WHITE, **maps)
+
+
+def _times(one: dict[int, Image], other: dict[int, Image]) -> dict[int, Image]:
+    """Products of two maps, tile by tile, at the larger size of the two along each axis; 1 where one is missing."""
+    product = dict(one)
+    for tile, image in other.items():
+        if tile not in one:
+            product[tile] = image
+            continue
+        height, width = np.maximum(one[tile].shape, image.shape).tolist()
+        first, second = (magnify_bilinear(each[..., None], (height, width))[..., 0] for each in (one[tile], image))
+        product[tile] = first * second
+    return product
 
 
 def missing_tiles(spec: MapsSpec, tiles: Sequence[int]) -> list[str]:
@@ -115,6 +132,7 @@ def missing_tiles(spec: MapsSpec, tiles: Sequence[int]) -> list[str]:
         "albedo": "maps.albedo_rgb",
         "roughness": "specular.roughness",
         "specular": "a factor of 1",
+        "cavity": "a factor of 1",
         **{name: f"skin.{name}" for name in OF_SKIN},
     }
     found = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skinbake.irradiance.oil_albedo import mean_specular_albedo
+from skinbake.irradiance.oil_albedo import mean_specular_albedo, oil_table
 from skinbake.scene.budget import Budget, budget_of
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
 from skinbake.scene.spec import SceneSpec
@@ -25,7 +25,8 @@ def decide(spec: SceneSpec, lost: float = 0.0) -> Decisions:
 
 def _energy_conservation(spec: SceneSpec, budget: Budget) -> Decision:
     """Whether the oil layer reflects enough of diffuse light to be taken off; the share that decides `auto`."""
-    share = float(spec.specular.strength * mean_specular_albedo(spec.specular.roughness, spec.specular.f0))
+    oil = spec.specular
+    share = float(oil.strength * mean_specular_albedo(oil.roughness, oil.f0, oil_table(oil)))
     wanted = spec.terms.energy_conservation
     enabled = share > budget.negligible if wanted == "auto" else wanted == "on"
     why = f"{wanted}: the oil layer reflects {share:.2%} of diffuse light; left out below {{}}"

@@ -12,7 +12,7 @@ from skinbake.irradiance.environment import light_environment
 from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.oil_albedo import OilLayer, specular_albedo_table
+from skinbake.irradiance.oil_albedo import OilLayer, oil_table
 from skinbake.irradiance.punctual_light import Unshadowed, colour, emitter, unshadowed
 from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
@@ -77,8 +77,7 @@ def light_texels(
         Told in words which light begins.
     """
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
-    # A copy: numba would compile once more for a read-only array
-    table = np.array(specular_albedo_table()) if energy_conservation else np.zeros((0, 0, 2))
+    table = oil_table(specular) if energy_conservation else np.zeros((0, 0, 2))
     height, width = atlas[0].shape
     skies = {
         light.name: plan_environment(

@@ -12,6 +12,7 @@ from scipy.interpolate import RectBivariateSpline
 from skinbake.irradiance.oil_layer import ENERGY_TRUE_STRENGTH, ROUGHNESS_MIN
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float, sqr
+from skinbake.scene.spec import SpecularSpec
 
 TABLE_SIZE = (512, 128)  # cosines by roughnesses
 TABLE_ERROR = 5e-4  # largest |table / integral - 1| for m >= 0.05; 2e-3 from 0.01, 0.1 below (only where c is about m)
@@ -148,6 +149,21 @@ def specular_albedo_table() -> Float:
     return table
 
 
+def oil_table(specular: SpecularSpec) -> Float:
+    """The table of a look's oil, a copy of shape (*TABLE_SIZE, 2): with a second lobe, that of both mixed.
+
+    A(c, m) of the sum is linear in the lobes, and the second one's roughness is the same everywhere, so that mixing its
+    column into every other makes a table that is read like any.
+    """
+    table = np.array(specular_albedo_table())  # a writeable copy: numba compiles again for a read-only array
+    if specular.second is None:
+        return table
+    place = np.sqrt(specular.second.roughness) * (TABLE_SIZE[1] - 1)
+    low = min(int(place), TABLE_SIZE[1] - 2)
+    column = (1 - (place - low)) * table[:, low] + (place - low) * table[:, low + 1]
+    return (1 - specular.second.mix) * table + specular.second.mix * column[:, None]
+
+
 @kernel(inner=True)
 def albedo_at(table: Float, cos_theta: float, roughness: float, f0: float) -> float:
     """Albedo A(c, m) for rho_s = 1, read bilinearly from the table; for use inside numba kernels.
@@ -190,7 +206,9 @@ def _albedo_each(table: Float, cos_theta: Float, roughness: Float, f0: float) ->
     return out
 
 
-def specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 36) -> Float:
+def specular_albedo(
+    cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 36, table: Float | None = None
+) -> Float:
     """Directional albedo A(c, m) of the oil layer for rho_s = 1, from the table (relative error `TABLE_ERROR`).
 
     Parameters
@@ -200,6 +218,8 @@ def specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 
     roughness : array_like, a scalar or of the shape of `cos_theta`
     f0 : float
         Reflectance at normal incidence.
+    table : ndarray, optional
+        `oil_table`, where there may be a second lobe.
 
     Returns
     -------
@@ -207,13 +227,17 @@ def specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 
         Divide by pi for the energy-true albedo.
     """
     cos_theta, roughness = np.broadcast_arrays(np.asarray(cos_theta, np.float64), np.asarray(roughness, np.float64))
-    table = np.array(specular_albedo_table())  # a writeable copy: numba compiles again for a read-only array
+    table = np.array(specular_albedo_table()) if table is None else table
     flat = _albedo_each(table, cos_theta.ravel(), roughness.ravel(), float(f0))
     return flat.reshape(cos_theta.shape)
 
 
 def transmitted_share(
-    cos_theta: ArrayLike, roughness: ArrayLike, f0: float = 1 / 36, strength: ArrayLike = ENERGY_TRUE_STRENGTH
+    cos_theta: ArrayLike,
+    roughness: ArrayLike,
+    f0: float = 1 / 36,
+    strength: ArrayLike = ENERGY_TRUE_STRENGTH,
+    table: Float | None = None,
 ) -> Float:
     """Share rho_dt = 1 - rho_s A(c, m) of the light that passes the oil, clamped to 0 ... 1; theory.md 6.4.
 
@@ -228,13 +252,24 @@ def transmitted_share(
         Reflectance at normal incidence.
     strength : array_like
         rho_s.
+    table : ndarray, optional
+        As of `specular_albedo`.
     """
-    return np.clip(1 - np.asarray(strength, np.float64) * specular_albedo(cos_theta, roughness, f0), 0.0, 1.0)
+    albedo = specular_albedo(cos_theta, roughness, f0, table)
+    return np.clip(1 - np.asarray(strength, np.float64) * albedo, 0.0, 1.0)
 
 
-def mean_specular_albedo(roughness: ArrayLike, f0: float = 1 / 36) -> Float:
-    """Albedo of the layer in a constant environment for rho_s = 1, 2 int A(c, m) c dc over 0 ... 1; theory.md 6.4."""
+def mean_specular_albedo(roughness: ArrayLike, f0: float = 1 / 36, table: Float | None = None) -> Float:
+    """Albedo of the layer in a constant environment for rho_s = 1, 2 int A(c, m) c dc over 0 ... 1; theory.md 6.4.
+
+    Parameters
+    ----------
+    roughness : array_like
+    f0 : float
+    table : ndarray, optional
+        As of `specular_albedo`.
+    """
     x, weight = np.polynomial.legendre.leggauss(48)
     c = sqr((x + 1) / 2)  # dc = 2 sqrt(c) dx
-    albedo = specular_albedo(c, np.asarray(roughness, np.float64)[..., None], f0)
+    albedo = specular_albedo(c, np.asarray(roughness, np.float64)[..., None], f0, table)
     return (albedo * 2 * c * 2 * np.sqrt(c) * weight / 2).sum(-1)

@@ -14,7 +14,7 @@ import numpy as np
 
 from skinbake.io.bake_folder import BakeFolder, read_bake_folder
 from skinbake.io.manifest import read_manifest
-from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.page.coded_image import CodedImage, coded
 from skinbake.page.refuse_varying import refuse_varying
 from skinbake.preview import tonemap
@@ -154,7 +154,7 @@ def _page_data(bake: BakeFolder, lights: tuple[ShaderLight, ...]) -> dict[str, A
     """Everything that is no tile's: lights, weights, shaders, views."""
     scene, look = bake.scene, bake.spec
     width, height = look.preview.size
-    table = specular_albedo_table().astype("<f4")
+    table = oil_table(scene.specular).astype("<f4")
     low, high = scene.mesh.positions_mm.min(0), scene.mesh.positions_mm.max(0)
     views = {}
     for name in VIEWS:

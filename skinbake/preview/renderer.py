@@ -84,7 +84,7 @@ class SkinRenderer(Renderer):
         self.fold = False
         self._folded = SummedLobes()
         self._shader_lights = shader_lights(scene.lights)
-        self._oil_albedo = upload_oil_albedo()
+        self._oil_albedo = upload_oil_albedo(scene.specular)
         self._locations: dict[tuple[int, str], int] = {}
         self._textures: dict[int, TileTextures] = {}
         self._tile_of: dict[Any, int] = {}

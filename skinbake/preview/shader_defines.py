@@ -42,6 +42,7 @@ SWITCHES = (
     "HAS_ENVIRONMENT",
     "NEEDS_OIL_ALBEDO",
     "SKIN_TABLE",
+    "SECOND_LOBE",
     "LIGHT_COMES_LATER",
 )
 
@@ -70,6 +71,7 @@ def shader_defines(
     lobes = range(len(scene.lobes))
     shown = [mode.lobe] if mode.name == "lobe" else lobes
     varies = scene.table is not None and mode.diffuse and mode.name != "lobe"
+    second = scene.specular.second
     weight = "weight" if varies else "lobe_weight"
     terms = [f"{weight}[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
     conserving = scene.energy_conservation and mode.name != "lobe"
@@ -86,6 +88,7 @@ def shader_defines(
         "HAS_ENVIRONMENT": mirrored,
         "NEEDS_OIL_ALBEDO": conserving or mirrored,
         "SKIN_TABLE": varies,
+        "SECOND_LOBE": second is not None,
         "LIGHT_COMES_LATER": tile in scene.open_sky,
     }
     return (
@@ -97,6 +100,8 @@ def shader_defines(
             "N_LAYERS": str(layers),
             "N_LIGHTS": str(len(lights)),
             "TILE_NUMBER": f"{tile}.0",
+            "SECOND_ROUGHNESS": repr(float(second.roughness if second else 1.0)),
+            "SECOND_MIX": repr(float(second.mix if second else 0.0)),
         }
         | CONSTANTS
         | {name: "1" for name in SWITCHES if on[name]}

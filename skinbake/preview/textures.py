@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from OpenGL import GL
 
 from skinbake.errors import MachineError
-from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.preview.scene import PreviewScene
 from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.maps import SkinMaps
+from skinbake.scene.spec import SpecularSpec
 
 SMALLEST = 256  # texels a side: a driver that has no room for that is not merely small
 _FORMAT = {1: GL.GL_RED, 2: GL.GL_RG, 3: GL.GL_RGB}
@@ -192,9 +193,9 @@ def table_bounds(table: WeightTable) -> NDArray[np.float64]:
     return np.stack([roots[:, 0], np.where(wide > 0, wide, 1.0)])
 
 
-def upload_oil_albedo() -> int:
+def upload_oil_albedo(specular: SpecularSpec) -> int:
     """Send the table of the oil layer's albedo; row = cosine, column = roughness."""
-    return upload(specular_albedo_table()[None])
+    return upload(oil_table(specular)[None])
 
 
 def _constant(rgb: Sequence[float]) -> NDArray[np.float32]:

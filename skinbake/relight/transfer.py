@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, Tiles, rasterize
 from skinbake.diffuse.light_entering import reference_reflectance
 from skinbake.irradiance.environment_share import NO_OIL
-from skinbake.irradiance.oil_albedo import specular_albedo_table
+from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant, decide_incidence, slant_of
 from skinbake.profile import GaussianSum
@@ -111,7 +111,7 @@ def make_transfer(
     full = at_texture_size(spec, transfer_size(spec))
     slant, lines = _slant(spec, gaussians, medium, incidence, decisions.budget.negligible)
     passage = Passage(
-        spec.specular, np.array(specular_albedo_table()) if decisions.energy_conservation.enabled else NO_OIL, slant
+        spec.specular, oil_table(spec.specular) if decisions.energy_conservation.enabled else NO_OIL, slant
     )
     say("relighting: tracing what is open to the sky")
     small = at_texture_size(spec, small_size(spec, scene, full.texture.size))

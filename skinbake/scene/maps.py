@@ -49,7 +49,7 @@ class SkinMaps:
     normal_strength : float
         Scales the tangent-space slope.
     roughness, specular : dict of int to ndarray of shape (h, w)
-        Beckmann m (absolute, 0 ... 1) and factor on rho_s.
+        Beckmann m (absolute, 0 ... 1) and factor on rho_s, in which `cavity` is.
     height_mm : dict of int to ndarray of shape (h, w)
         Outwards; `add_fine_normals` puts what it and `detail` tilt into `normal`.
     detail : DetailNormals, optional

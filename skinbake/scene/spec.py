@@ -222,6 +222,8 @@ class MapsSpec(Strict):
     """Roughness of the oil, in place of `specular.roughness`."""
     specular: Map | None = None
     """Factor on `specular.strength`."""
+    cavity: Map | None = None
+    """Where the oil is hidden in pores and folds, 0 to 1: another factor on `specular.strength`."""
     height: HeightMap | None = None
     """Heights of pores and wrinkles, which tilt the normals."""
     detail: DetailMap | None = None
@@ -344,6 +346,15 @@ class TexturingSpec(Strict):
         return {"pre-scatter": 1.0, "post-scatter": 0.0, "mix": self.mix}[self.mode]
 
 
+class SecondLobeSpec(Strict):
+    """Another roughness of the same oil: skin shines by two lobes, one broad, one of its film."""
+
+    roughness: Annotated[float, Field(ge=1e-4, le=1)] = 0.15
+    """Beckmann m of the second lobe, the same everywhere."""
+    mix: Fraction = 0.15
+    """Share of the second lobe; the rest is the first one's."""
+
+
 class SpecularSpec(Strict):
     """Oily layer: `roughness` is Beckmann m, `strength` rho_s (1/pi is the energy-true value)."""
 
@@ -353,6 +364,8 @@ class SpecularSpec(Strict):
     """Beckmann m, where there is no map."""
     strength: Annotated[float, Field(ge=0, le=1000)] = 0.318
     """rho_s: factor on the reflection; 1 / pi is the value that keeps energy."""
+    second: SecondLobeSpec | None = None
+    """A second lobe, mixed with the first; what the oil keeps back counts both."""
 
 
 class TermsSpec(Strict):

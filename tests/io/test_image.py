@@ -7,9 +7,11 @@ import OpenImageIO as oiio
 import pytest
 
 from skinbake.atlas import on_charts
+from skinbake.bilinear import magnify_bilinear
 from skinbake.errors import InputError
 from skinbake.io.colour import srgb_to_linear
 from skinbake.io.image import ggx_as_beckmann, inward_normals, missing_tiles, read_map, read_maps, read_radiance
+from skinbake.io.png import write_png
 from skinbake.scene.spec import MapsSpec
 from tests.images import ACES_AP1, P3_D65, icc_profile, save
 from tests.shapes import quad
@@ -244,6 +246,20 @@ def test_udim_sets(tmp_path):
         read_maps(spec, (1011,))
     with pytest.raises(InputError, match=r"expected <UDIM>, .* in the path"):
         read_maps(MapsSpec(albedo=str(tmp_path / "skin.1001.png")), (1001, 1002))
+
+
+def test_a_cavity_map_is_another_factor_on_the_oil(tmp_path):
+    """Times the specular map, at the larger size of both along each axis; alone where there is none."""
+    rng = np.random.default_rng(0)
+    one, other = rng.integers(0, 256, (6, 4, 1), np.uint8), rng.integers(0, 256, (3, 8, 1), np.uint8)
+    for name, pixels in (("s.png", one), ("c.png", other)):
+        write_png(tmp_path / name, np.repeat(pixels, 3, axis=2))
+    specular, cavity = (str(tmp_path / name) for name in ("s.png", "c.png"))
+    both = read_maps(MapsSpec.model_validate({"specular": specular, "cavity": cavity})).specular[1001]
+    large = [magnify_bilinear((p / np.float32(255)).astype(np.float32), (6, 8))[..., 0] for p in (one, other)]
+    np.testing.assert_allclose(both, large[0] * large[1], atol=1e-6)
+    alone = read_maps(MapsSpec.model_validate({"cavity": {"path": cavity, "invert": True}})).specular[1001]
+    np.testing.assert_allclose(alone, 1 - other[..., 0] / 255, atol=1e-6)
 
 
 def test_roughness_and_specular_are_flat(tmp_path):

@@ -10,10 +10,13 @@ from skinbake.irradiance.oil_albedo import (
     TABLE_ERROR,
     integrate_specular_albedo,
     mean_specular_albedo,
+    oil_table,
     specular_albedo,
+    specular_albedo_table,
     transmitted_share,
 )
 from skinbake.irradiance.oil_layer import ENERGY_TRUE_STRENGTH, kelemen_brdf
+from skinbake.scene.spec import SecondLobeSpec, SpecularSpec
 
 VECTORS = Path(__file__).parents[2].parent / "shared" / "test_vectors.json"
 
@@ -51,6 +54,19 @@ def test_table_is_within_its_stated_error(least_m, error):
     c, m = rng.random(3000) ** 2, np.exp(rng.uniform(np.log(least_m), 0, 3000))
     exact = integrate_specular_albedo(c, m) @ [0.04, 1]
     np.testing.assert_allclose(specular_albedo(c, m, 0.04), exact, rtol=error)
+
+
+def test_two_lobes_have_the_albedo_of_their_sum():
+    """Read from one table; its mean too, and what passes."""
+    oil = SpecularSpec(roughness=0.4, second=SecondLobeSpec(roughness=0.12, mix=0.3))
+    table = oil_table(oil)
+    rng = np.random.default_rng(7)
+    c, m = rng.random(500) ** 2, rng.uniform(0.1, 1, 500)
+    exact = 0.7 * integrate_specular_albedo(c, m) @ [0.04, 1] + 0.3 * integrate_specular_albedo(c, 0.12) @ [0.04, 1]
+    np.testing.assert_allclose(specular_albedo(c, m, 0.04, table), exact, rtol=TABLE_ERROR)
+    want = 0.7 * mean_specular_albedo(0.4) + 0.3 * mean_specular_albedo(0.12)
+    assert mean_specular_albedo(0.4, table=table) == pytest.approx(want, rel=1e-9)
+    assert oil_table(SpecularSpec()).tobytes() == specular_albedo_table().tobytes()
 
 
 def test_energy_true_oil_never_returns_more_than_it_gets():

@@ -17,7 +17,7 @@ from skinbake.preview.shader_light import gains_rgb
 from skinbake.preview.target import STRIP
 from skinbake.scene.lights import DirectionalLight, PointLight
 from skinbake.scene.maps import SkinMaps
-from skinbake.scene.spec import SpecularSpec, TexturingSpec
+from skinbake.scene.spec import SecondLobeSpec, SpecularSpec, TexturingSpec
 from tests.preview.reference import shade
 from tests.preview.scenes import LIGHTS, scene, varying_scene
 from tests.shapes import quad
@@ -71,8 +71,9 @@ def test_folded_lights_match_as_well(renderer, mode):
         {"texturing": TexturingSpec(mode="pre-scatter"), "with_maps": False},
         {"half": False, "tiles": 2},
         {"maps": replace(scene().maps, normal_space="object")},
+        {"specular": SpecularSpec(f0=0.03, strength=0.3, second=SecondLobeSpec(roughness=0.12, mix=0.3))},
     ],
-    ids=["post-scatter", "no maps", "two tiles, float", "object space"],
+    ids=["post-scatter", "no maps", "two tiles, float", "object space", "second lobe"],
 )
 def test_other_scenes_match_as_well(renderer, changes):
     with OffscreenRenderer(scene(**changes)) as other:

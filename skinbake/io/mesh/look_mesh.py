@@ -43,7 +43,7 @@ def read_look_mesh(spec: SceneSpec, waiting: Waiting = unseen) -> SkinMesh:
         opacity=of.opacity,
         waiting=waiting,
     )
-    painted = [name for name in IMAGES if getattr(maps, name) is not None]
+    painted = [name for name in (*IMAGES, "cavity") if getattr(maps, name) is not None]
     if painted:
         refuse_unpainted(spec, mesh, f"maps.{painted[0]}")
     return replace(

@@ -108,8 +108,15 @@ float specular_albedo(float c, float m)
     return f0 * split.r + split.g;
 }
 
-// Kelemen/Szirmay-Kalos in log form, theory.md 6.7, for rho_s = 1
-float oil_brdf(vec3 n, vec3 l, vec3 v, float m)
+// Beckmann's slopes in log form, theory.md 6.7
+float beckmann(float sine, float n_dot_h, float m)
+{
+    float tangent = sine / (n_dot_h * m);
+    return exp(-tangent * tangent - 2.0 * log(m) - 4.0 * log(n_dot_h));
+}
+
+// Kelemen/Szirmay-Kalos, theory.md 6.7, for rho_s = 1; `second` is the width of another lobe, where there is one
+float oil_brdf(vec3 n, vec3 l, vec3 v, float m, float second)
 {
     vec3 h = l + v;
     float h_squared = dot(h, h);
@@ -121,8 +128,11 @@ float oil_brdf(vec3 n, vec3 l, vec3 v, float m)
     float grazing = clamp(1.0 - dot(v, half_vector), 0.0, 1.0);
     float squared = grazing * grazing;
     float fresnel = f0 + (1.0 - f0) * squared * squared * grazing;
-    float tangent = length(sine) / (n_dot_h * m);
-    return fresnel / max(h_squared, HALF_SQUARED_MIN) * exp(-tangent * tangent - 2.0 * log(m) - 4.0 * log(n_dot_h));
+    float slopes = beckmann(length(sine), n_dot_h, m);
+#ifdef SECOND_LOBE
+    slopes = mix(slopes, beckmann(length(sine), n_dot_h, second), SECOND_MIX);
+#endif
+    return fresnel / max(h_squared, HALF_SQUARED_MIN) * slopes;
 }
 
 // Unit vector to light i, and in `arriving` what falls on a plane that faces it
@@ -219,9 +229,15 @@ void main()
         float n_dot_l = dot(n, l);
 #ifdef LIGHT_COMES_LATER
         float width = sqrt(m * m + light_cosines[i].x);
+        float second = sqrt(SECOND_ROUGHNESS * SECOND_ROUGHNESS + light_cosines[i].x);
+#ifdef SECOND_LOBE
+        float widest = max(width, second);
+#else
+        float widest = width;
+#endif
         vec3 h = l + v;
         float n_dot_h = dot(n, h);
-        if (n_dot_h * n_dot_h * (1.0 + LOBE_END * width * width) < dot(h, h))
+        if (n_dot_h * n_dot_h * (1.0 + LOBE_END * widest * widest) < dot(h, h))
             continue;  // beyond e^-LOBE_END of the lobe's top: most directions of a sky are
 #endif
         if (n_dot_l > 0.0) {
@@ -229,12 +245,12 @@ void main()
             float seen = is_open(seen_sky, l);
 #else
             float seen = texture(visibility, vec3(frag_uv, light_layer[i])).r;
-            float width = m;
+            float width = m, second = SECOND_ROUGHNESS;
 #endif
 #ifdef HAS_NORMAL_MAP
             seen *= bump_terminator(n_dot_l, dot(smooth_normal, l));
 #endif
-            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, width));
+            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, width, second));
         }
     }
 #endif
