@@ -26,12 +26,13 @@ WAIT_S = 60.0
 SMALL = "preview: {size: [48, 60]}\n"
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+@pytest.fixture
+def folder(tmp_path):
     """A look of a small relief, whose albedo is a file."""
     if renderer_name() is None:
         pytest.skip("no headless OpenGL here (python -m skinbake.preview.setup_gl)")
-    folder = tmp_path_factory.mktemp("watched")
+    folder = tmp_path / "watched"
+    folder.mkdir()
     write_obj(folder / "mesh.obj", relief(segments=24))
     (folder / "look.yaml").write_text(LOOK.replace(", tx: true", "") + SMALL)
     return folder
@@ -156,7 +157,7 @@ until(lambda: window.message == "as asked")
 renderer, camera = window.renderer, window.camera.turned(20)
 window.camera = camera
 window.frame()
-save("irradiance: [2, 2, 2]", "irradiance: [9, 1, 1]")
+save("irradiance: [1, 2, 3]", "irradiance: [9, 1, 1]")
 until(lambda: window.message.startswith("draft"))
 shots["draft"] = window.pixels()
 until(lambda: window.message == "as asked")
