@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 from skinbake.io.exr import Part, rgb_channels, write_parts
+from skinbake.io.movie import write_movie
 from skinbake.io.output_names import refuse_inputs
 from skinbake.io.png import write_png
 from skinbake.preview.draw import OffscreenRenderer
@@ -31,6 +33,9 @@ def render(
     gains: dict[str, list[float]] | None = None,
     exposure: float | None = None,
     supersample: int = 2,
+    movie: Path | str | None = None,
+    stills: bool = True,
+    frames_per_second: float = 24.0,
     progress: Progress | None = None,
     inputs: Iterable[Path] = (),
     later: LaterLight | None = None,
@@ -63,6 +68,11 @@ def render(
         In stops.
     supersample : int
         Each pixel is the mean of its square of points.
+    movie : path, optional
+        One .mp4 or .gif of all frames; then there are pictures only where `stills` asks for them.
+    stills : bool
+    frames_per_second : float
+        Of the movie.
     progress : Progress, optional
         Shows how far it is, and each path.
     inputs : iterable of Path
@@ -96,15 +106,22 @@ def render(
         ]
     names = ["preview"] if len(planned) == 1 else [f"preview_{each.name}" for each in planned]
     paths = [Path(png)] if png else [out / f"{name}{'_compare' if compare else ''}.png" for name in names]
-    refuse_inputs([*paths, *(path.with_suffix(".exr") for path in paths if exr)], inputs)
+    refuse_inputs([*([movie] if movie else []), *paths, *(path.with_suffix(".exr") for path in paths if exr)], inputs)
     progress = progress or Progress(shown=False)
-    with progress.task("drawing", total=len(planned)) as task:
+    film = write_movie(movie, frames_per_second) if movie else nullcontext(lambda pixels: None)
+    with film as add, progress.task("drawing", total=len(planned)) as task:
         for task.done, (each, light, path) in enumerate(zip(planned, lit, paths, strict=True)):
             task.note = f"{each.name}, {task.done + 1} of {len(planned)}"
             image = side_by_side([renderer.draw(each.camera, size, m, gains, supersample, later=light) for m in modes])
-            write_png(path, tone_map(image, look.background_rgb, exposure))
+            pixels = tone_map(image, look.background_rgb, exposure)
+            add(pixels)
+            if not stills:
+                continue
+            write_png(path, pixels)
             if exr:
                 channels = rgb_channels(image.rgba[..., :3]) | {"A": image.rgba[..., 3]}
                 write_parts(path.with_suffix(".exr"), [Part("preview", channels)], precision="float")
             progress.line(str(path))
-    return paths
+    if movie:
+        progress.line(str(movie))
+    return paths if stills else []

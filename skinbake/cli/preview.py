@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     help="front, left, right, three-quarter, three-quarter-right, back, ear, nose, lips, eyes.",
 )
 @click.option("--turntable", type=click.IntRange(1, 3600), metavar="N", help="N frames once around the head.")
+@click.option("--movie", type=Output(dir_okay=False), help="The turntable as one .mp4 or .gif.")
+@click.option("--fps", type=Within(1, 240), default=24.0, show_default=True, help="Frames a second of --movie.")
 @click.option("--size", metavar="WxH", help="Size of a picture in pixels; one number is a square.")
 @click.option("--compare", is_flag=True, help="Without and with scattering, side by side.")
 @click.option(
@@ -66,6 +68,8 @@ def command(
     exr: bool,
     views: str | None,
     turntable: int | None,
+    movie: str | None,
+    fps: float,
     size: str | None,
     compare: bool,
     mode: str,
@@ -104,6 +108,8 @@ def command(
             )
     elif rotate or turn == "light":
         raise InputError("--rotate and --turn light: expected --environment or --sun, which they turn")
+    if movie:
+        _refuse_movie(movie, turntable, png, _names(views))
     if not pictures and has_display():
         from skinbake.baking.window_actions import window_actions
         from skinbake.io.bake_folder import read_bake_folder, read_relit_folder
@@ -131,6 +137,9 @@ def command(
         exr=exr,
         views=_names(views),
         turntable=turntable,
+        movie=movie,
+        stills=not movie or out is not None,
+        frames_per_second=fps,
         size=pixels,
         compare=compare,
         mode=mode,
@@ -142,6 +151,27 @@ def command(
         turn=turn,
         verbosity=verbosity,
     )
+
+
+def _refuse_movie(movie: str, turntable: int | None, png: str | None, views: list[str]) -> None:
+    """Stop before anything is read for a movie that cannot be.
+
+    Parameters
+    ----------
+    movie : path
+    turntable : int, optional
+    png : str, optional
+    views : list of str
+
+    Raises
+    ------
+    InputError
+    """
+    from skinbake.io.movie import refuse_movie
+
+    if not turntable or png or len(views) > 1:
+        raise InputError("--movie: expected --turntable N beside it, no --png, and one view")
+    refuse_movie(movie)
 
 
 def render_still(
