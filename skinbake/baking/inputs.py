@@ -108,6 +108,10 @@ class BakeInputs:
         """What the maps vary of the skin, and between which values."""
         return ranges_of(self.scene().maps, self.spec.skin, self.tiles) if self.skin_maps else {}
 
+    def work_on(self, scene: SceneData) -> None:
+        """Take a scene for that of the files: the same one in another form."""
+        self._scene = scene
+
     def close(self) -> None:
         """Let go of what was read: only a stage yet to run has use for it."""
         self._scene = None

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from skinbake import pipeline
 from skinbake.atlas.report import refuse_spoilt, uv_report
+from skinbake.atlas.sample import shrink
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.look_stages import look_stages
 from skinbake.baking.memory_store import MemoryStore
@@ -14,10 +18,12 @@ from skinbake.baking.preview_scene import scene_of
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
 from skinbake.io.memory_cache import MemoryCache
+from skinbake.irradiance.scene_data import SceneData
 from skinbake.preview.scene import PreviewScene
 from skinbake.scene.spec import SceneSpec
 
 SIZE, TOLERANCE, DRAFT_METHOD = 512, 0.05, "hybrid"
+AVERAGED = ("albedo", "normal", "roughness", "specular", "scatter", "radius", "melanin", "haemoglobin")
 LEFT_OUT = ("beam", "interreflection", "transmission")  # unless the look says "on": to weigh them takes time
 
 
@@ -46,7 +52,7 @@ class Draft:
     spec : SceneSpec
         Of the draft.
     scene : PreviewScene
-        Its lights each on its own.
+        Its lights each on its own, or summed.
     """
 
     spec: SceneSpec
@@ -67,10 +73,15 @@ class Drafter:
     ----------
     log : StageLog
         Told what is compiled and how far it is.
+    separate : bool
+        Draw each light on its own: slower, and only a window has use for it.
     """
 
-    def __init__(self, log: StageLog) -> None:
+    def __init__(self, log: StageLog, separate: bool = True) -> None:
+        self._separate = separate
         self._log, self._store, self._checked = log, _DraftStore(MemoryCache()), ""
+        self._read: SceneData | None = None
+        self._small: SceneData | None = None
 
     def draft(self, look: SceneSpec) -> Draft:
         """The draft of a look.
@@ -84,11 +95,27 @@ class Drafter:
         inputs = BakeInputs(spec, session, self._log)
         stages = look_stages(inputs, self._store, session, self._log)
         with self._log.telling_of_compiling():
-            scene, key = inputs.scene(), inputs.key("mesh")
+            scene, key = self._at_size(inputs.scene(), spec.texture.size), inputs.key("mesh")
+            inputs.work_on(scene)
             if key != self._checked:
                 refuse_spoilt(uv_report(scene.mesh, stages.raster.result()), spec.mesh.path)
                 self._checked = key
             baked = pipeline.bake(stages)
         table = baked.gaussians.table
-        shown = scene_of(spec, inputs.decisions, scene, baked.irradiance, baked.diffuse, table, separate=True)
+        shown = scene_of(spec, inputs.decisions, scene, baked.irradiance, baked.diffuse, table, self._separate)
         return Draft(spec, shown)
+
+    def _at_size(self, scene: SceneData, size: tuple[int, int]) -> SceneData:
+        """The scene with its maps averaged down to the draft's size, as each stage would do by itself."""
+        if self._read is not scene or self._small is None:
+            maps: dict[str, Any] = {
+                role: {tile: _shrunk(image, size[::-1]) for tile, image in getattr(scene.maps, role).items()}
+                for role in AVERAGED
+            }
+            self._read, self._small = scene, replace(scene, maps=replace(scene.maps, **maps))
+        return self._small
+
+
+def _shrunk(image: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:
+    flat = shrink(image.reshape(*image.shape[:2], -1), shape)
+    return flat.reshape(*flat.shape[:2], *image.shape[2:])

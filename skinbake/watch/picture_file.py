@@ -35,6 +35,8 @@ class PictureFile:
         Another program's file has its name.
     """
 
+    separate = False
+
     def __init__(self, folder: Path) -> None:
         self.path = folder / NAME
         refuse_foreign([self.path])

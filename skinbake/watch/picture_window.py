@@ -36,6 +36,8 @@ class PictureWindow:
         Called between frames.
     """
 
+    separate = True
+
     def __init__(self, folder: Path, config: Path | str) -> None:
         self._actions = replace(window_actions(folder, Path(config)), idle=lambda: self.idle())
         self._mesh: SkinMesh | None = None

@@ -26,7 +26,15 @@ AGAIN_S = 1.0  # ... at what could not be used: a file that it names may have co
 
 
 class Screen(Protocol):
-    """Where pictures are shown. What begins with `ready` runs on a thread of its own, one call at a time."""
+    """Where pictures are shown. What begins with `ready` runs on a thread of its own, one call at a time.
+
+    Attributes
+    ----------
+    separate : bool
+        Whether it wants each light of a draft on its own.
+    """
+
+    separate: bool
 
     def ready_draft(self, draft: Draft) -> Any:
         """What `show` takes, of a draft."""
@@ -63,7 +71,7 @@ class Watch:
         self._screen, self._verbosity = screen, verbosity
         self._log = StageLog(0)
         self._log.progress = self._progress = StageLog(verbosity).progress
-        self._drafter = Drafter(self._log)
+        self._drafter = Drafter(self._log, screen.separate)
         self._final = FinalBake(self._progress)
         self._thread = ThreadPoolExecutor(1, "draft")
         self._files = SavedFiles(config)
