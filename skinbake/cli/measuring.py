@@ -140,7 +140,8 @@ def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str,
     Returns
     -------
     dict
-        seconds, cpu_seconds, stages, peak_mib, bytes; values (P, 3) and picture (h, w, 3) where they were wanted.
+        seconds, expected (seconds, by the cost model), cpu_seconds, stages, peak_mib, bytes; values (P, 3) and picture
+        (h, w, 3) where they were wanted.
     """
     _warm(spec)
     with temporary_folder() as folder:
@@ -150,6 +151,7 @@ def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str,
         peak = own_peak_mib()
         found: dict[str, Any] = {
             "seconds": manifest["timings"]["total"],
+            "expected": sum(manifest["timings_expected"].values()),
             "cpu_seconds": cpu,
             "stages": {stage: seconds for stage, seconds in manifest["timings"].items() if stage != "total"},
             "peak_mib": peak,
