@@ -73,21 +73,22 @@ def choose_size(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
     asked, tolerance = spec.texture.size, spec.diffusion.tolerance
     if not may_be_reduced(spec):
         return TextureSize(asked)
-    lost = detail_lost(spec, mesh, maps, gaussians)
-    chosen = 0
-    for halvings, each in enumerate(lost, 1):
-        if each <= SHARE * tolerance:
+    detail, lost, chosen = _Detail(spec, mesh, maps, gaussians), dict[int, float](), 0
+    for halvings in reversed(detail.halvings):  # the coarsest that fits is taken: finer ones need no estimate
+        lost[halvings] = detail.lost(halvings)
+        if lost[halvings] <= SHARE * tolerance:
             chosen = halvings
+            break
     size = (asked[0] >> chosen, asked[1] >> chosen)
     told = ", ".join(
-        f"{asked[0] >> halvings} x {asked[1] >> halvings} loses {each:.2%}" for halvings, each in enumerate(lost, 1)
+        f"{asked[0] >> halvings} x {asked[1] >> halvings} loses {each:.2%}" for halvings, each in sorted(lost.items())
     )
     why = (
         f"auto: {size[0]} x {size[1]} of {asked[0]} x {asked[1]}: {told}, tolerance {tolerance:.2%}; "
         "`texture.reduce: off` keeps the size"
     )
     how = f"{size[0]} x {size[1]}" + (f" of {asked[0]} x {asked[1]}" if chosen else "")
-    loss = lost[chosen - 1] if chosen else 0.0
+    loss = lost.get(chosen, 0.0)
     return TextureSize(size, loss, Decision("texture_size", chosen == 0, why, loss, how))
 
 
@@ -112,26 +113,35 @@ def detail_lost(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
     maps : SkinMaps
     gaussians : GaussianSum
     """
-    patches = _draw_patches(spec, mesh)
-    albedo, shades = _patch_light(spec, maps, patches)
-    passed = _transfer(gaussians, patches.mm_per_texel) ** 2 / _SIDE**4
-    passed[:, :, 1:-1] *= 2  # the other half of the spectrum of real numbers is the same
-    window = np.hanning(_SIDE)[:, None] * np.hanning(_SIDE)
-    window = (window / np.sqrt(np.mean(window**2))).astype(np.float32)  # the mean square stays
-    halvings = [n for n in range(1, MOST_HALVINGS + 1) if min(spec.texture.size) >> n >= SMALLEST]
-    halvings = [n for n in halvings if all(side % (1 << n) == 0 for side in spec.texture.size)]
-    found = []
-    for n in halvings:
+    detail = _Detail(spec, mesh, maps, gaussians)
+    return [detail.lost(n) for n in detail.halvings]
+
+
+class _Detail:
+    """Light on patches of the skin, and what coarser sizes lose of it (`detail_lost`)."""
+
+    def __init__(self, spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: GaussianSum) -> None:
+        patches = _draw_patches(spec, mesh)
+        albedo, shades = _patch_light(spec, maps, patches)
+        self._light = [(albedo * shade[..., None]).astype(np.float32) for shade in shades]
+        self._passed = _transfer(gaussians, patches.mm_per_texel) ** 2 / _SIDE**4
+        self._passed[:, :, 1:-1] *= 2  # the other half of the spectrum of real numbers is the same
+        window = np.hanning(_SIDE)[:, None] * np.hanning(_SIDE)
+        self._window = (window / np.sqrt(np.mean(window**2))).astype(np.float32)[..., None]  # the mean square stays
+        self._texel_mm = float(np.median(patches.mm_per_texel))
+        halvings = [n for n in range(1, MOST_HALVINGS + 1) if min(spec.texture.size) >> n >= SMALLEST]
+        self.halvings = [n for n in halvings if all(side % (1 << n) == 0 for side in spec.texture.size)]
+
+    def lost(self, halvings: int) -> float:
+        """Rms share of the light leaving that a size halved so often does not show."""
         lost = total = 0.0
-        for shade in shades:
-            light = (albedo * shade[..., None]).astype(np.float32)
-            spectrum = rfft2((light - _coarse(light, 1 << n)) * window[..., None], axes=(1, 2))
+        for light in self._light:
+            spectrum = rfft2((light - _coarse(light, 1 << halvings)) * self._window, axes=(1, 2))
             power = spectrum.real**2 + spectrum.imag**2
-            lost += float(np.einsum("kyxc,kyxc->", power, passed, dtype=np.float64)) / (3 * _PATCHES)
+            lost += float(np.einsum("kyxc,kyxc->", power, self._passed, dtype=np.float64)) / (3 * _PATCHES)
             total += float(np.mean(light**2, dtype=np.float64))
-        edges = EDGES_PER_MM * float(np.median(patches.mm_per_texel)) * (1 << n)
-        found.append(float(np.hypot(np.sqrt(lost / max(total, 1e-300)), edges)))
-    return found
+        edges = EDGES_PER_MM * self._texel_mm * (1 << halvings)
+        return float(np.hypot(np.sqrt(lost / max(total, 1e-300)), edges))
 
 
 class _Patches(NamedTuple):
