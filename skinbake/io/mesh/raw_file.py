@@ -63,6 +63,10 @@ def read_raw(path: Path, uv_set: int | None = None, time: float | None = None, k
         raise InputError(f"{path}: expected a file that can be read, got: {error.strerror or error}") from None
     if not len(raw.faces):
         raise InputError(f"{path}: expected triangles, got none")
+    if uv_set is not None and not raw.has_uv.any():
+        raise InputError(
+            f"{path}: {key}.uv_set: expected UVs of a set that the file has, got {uv_set}, which no part has"
+        )
     refuse_endless(path, raw.positions)
     return raw
 

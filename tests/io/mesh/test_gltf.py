@@ -49,7 +49,7 @@ def test_uvs_without_material_and_of_any_set(tmp_path):
     primitive["material"] = made.material(pbrMetallicRoughness={"baseColorTexture": {"index": 0, "texCoord": 3}})
     np.testing.assert_allclose(read(tmp_path, made).corner_uv, half, atol=1e-6)
     assert_same(read(tmp_path, made, uv_set=0))
-    with pytest.raises(InputError, match="expected UVs"):
+    with pytest.raises(InputError, match=r"mesh\.uv_set: expected UVs of a set that the file has, got 1"):
         read(tmp_path, made, uv_set=1)
 
 
