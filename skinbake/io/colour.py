@@ -109,11 +109,17 @@ def _to_xyz(chromaticities: Sequence[float]) -> tuple[Float, Float]:
 def _as_the_file_says(path: Path, pixels: NDArray[Any], attributes: Mapping[str, Any]) -> tuple[Image, bool]:
     profile = attributes.get("ICCProfile")
     if profile is not None:
+        if np.asarray(profile).dtype.kind not in "ui":
+            raise InputError(f"{path}: its header's ICC profile is damaged; convert the file to sRGB without one")
         found = _profile(path, bytes(np.asarray(profile, np.uint8)), attributes)
         return (_decoded(pixels, srgb=True), False) if found.is_srgb else _through_profile(pixels, found)
     is_float = not np.issubdtype(pixels.dtype, np.integer)
     primaries = attributes.get("chromaticities")
     if primaries is not None and is_float and pixels.shape[2] == 3:
+        if np.shape(primaries) != (8,) or np.asarray(primaries).dtype.kind != "f":
+            raise InputError(
+                f"{path}: its header's chromaticities are damaged: expected 8 floats; write the file again"
+            )
         primaries = [float(x) for x in primaries]
         if not np.allclose(primaries, REC709, atol=SAME_PRIMARIES):
             return _through_primaries(path, _linear(pixels), primaries)
