@@ -77,7 +77,8 @@ def keep_export_list(folder: Path, names: Sequence[str], bake: Path) -> None:
     stale = [name for name, of in earlier.items() if of != digest and name not in (*names, NAME)]
     files = {name: of for name, of in earlier.items() if of == digest} | dict.fromkeys((*names, NAME), digest)
     for name in stale:
-        (folder / name).unlink(missing_ok=True)
+        if not (folder / name).is_dir():
+            (folder / name).unlink(missing_ok=True)
     _write(folder, bake, files, {name: of for name, of in made.items() if name in files and name not in names})
 
 
@@ -172,5 +173,9 @@ def _entries(folder: Path, key: str) -> dict[str, Any]:
         files = json.loads((folder / NAME).read_text(encoding="utf-8"))[key]
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return {}
-    plain = isinstance(files, dict) and all(Path(name).name == name for name in files)  # nothing outside the folder
-    return files if plain else {}
+    return files if isinstance(files, dict) and all(map(_is_plain, files)) else {}
+
+
+def _is_plain(name: str) -> bool:
+    """Whether a name is that of a file in the folder: nothing outside it is ever touched."""
+    return Path(name).name == name and name not in ("", "..") and "\0" not in name and name.isprintable()

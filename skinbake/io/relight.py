@@ -54,7 +54,7 @@ class _Use(Record):
     key: str
     files: dict[str, str] = Field(min_length=1)
     visibility: dict[str, str] = Field(min_length=1)
-    size: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=2, max_length=2)]
+    size: Annotated[list[Annotated[int, Field(ge=1, le=1 << 16)]], Field(min_length=2, max_length=2)]
     of_harmonics: list[list[float]] = Field(min_length=1)
     error: dict[str, _KindRecord]
     judged_at: Annotated[list[int], Field(min_length=2, max_length=2)]

@@ -359,6 +359,61 @@ def read_lobe_header(path: Path) -> None:
     assert isinstance(found.advice, str)
 
 
+@cache
+def relight_seeds() -> Seeds:
+    from skinbake.io.relight import USE, write_transfer
+    from skinbake.relight.basis import LightBasis
+    from skinbake.relight.light_error import KindError
+    from skinbake.relight.transfer import Transfer
+    from skinbake.scene.decision import Decision
+
+    image = np.ones((4, 4, 8, 3), np.float32)
+    error = KindError(2, 0.1, 0.2, 0.3, {"name": "sun"}, {"tile": 1001}, 0.0)
+    basis = LightBasis("harmonics", np.eye(4), np.zeros((4, 4)))
+    plan = (Decision("relight", True, "asked for"),)
+    with TemporaryDirectory() as folder:
+        transfer = Transfer(basis, {1001: image}, {1001: image[:3]}, {"suns": error}, (8, 4), plan)
+        write_transfer(Path(folder), transfer, "a", {}, "half", "zip", False)
+        return ((".json", (Path(folder) / USE).read_bytes()),)
+
+
+def read_relight(path: Path) -> None:
+    """What says how to use a transfer: a right one has a basis of finite numbers and errors that can be told."""
+    from skinbake.io.relight import USE, transfer_of
+
+    shutil.copy(path, path.with_name(USE))
+    found = transfer_of(path.parent, tiles=False)
+    assert np.isfinite(found.basis.of_harmonics).all()
+    assert len(found.basis) == len(found.basis.of_harmonics) > 0
+    for kind, error in found.error.items():
+        assert f"{kind} {error.lights:d} {error.rms:.2%} {error.p95:.2%} {error.worst:.2%} {error.clamped:.2%}"
+    for line in found.plan:
+        assert f"{'+' if line.enabled else '-'} {line.term:<20} {line.why}"
+
+
+@cache
+def export_seeds() -> Seeds:
+    files = {"sum.exr": "of another bake", "head.html": "of another bake", "export.json": "of another bake"}
+    made = {"head.html": {"bytes": 9, "key": "a", "figures": {"rms": 0.1}}}
+    return ((".json", json.dumps({"version": "1", "bake": "x", "files": files, "made": made}).encode()),)
+
+
+def read_export_list(path: Path) -> None:
+    """Whatever the list says, nothing outside its folder goes, and no folder of it."""
+    from skinbake.io.export_list import NAME, export_figures, keep_export_list
+
+    bake, target = path.parent / "bake", path.parent / "exported"
+    bake.mkdir(exist_ok=True)
+    (target / "folder").mkdir(parents=True, exist_ok=True)
+    (bake / "bake.json").write_bytes(manifest_seeds()[0][1])
+    (path.parent / "outside").write_text("mine")
+    shutil.copy(path, target / NAME)
+    assert isinstance(export_figures(target), dict)
+    keep_export_list(target, ["sum.exr"], bake)
+    assert (path.parent / "outside").exists()
+    assert (target / "folder").is_dir()
+
+
 CACHE_KEY = "ab" + "0" * 62
 
 
@@ -633,6 +688,8 @@ TARGETS = {
     "report": Target(report_seeds, damage_json, read_report),
     "profile": Target(profile_seeds, damage_json, read_profile),
     "lobe": Target(lobe_seeds, damage_json, read_lobe_header),
+    "relight": Target(relight_seeds, damage_json, read_relight),
+    "export": Target(export_seeds, damage_json, read_export_list),
     "cache": Target(cache_seeds, damage_binary, read_cache_entry),
     "table": Target(table_seeds, damage_table, read_table),
 }
