@@ -24,6 +24,7 @@ from skinbake.scene.budget import left_wrong
 from skinbake.scene.decision import Decision
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
+from skinbake.scene.strict import LARGEST
 
 Image = NDArray[np.float32]
 Gains = Mapping[str, float | Sequence[float]]
@@ -425,6 +426,6 @@ def _checked_sun(sun: Sun) -> Sun:
     """A sun of a direction and three numbers, not below 0."""
     direction, irradiance = (np.asarray(part, np.float64) for part in sun)
     finite = direction.shape == irradiance.shape == (3,) and np.isfinite([direction, irradiance]).all()
-    if not finite or not direction.any() or (irradiance < 0).any():
+    if not finite or not direction.any() or (irradiance < 0).any() or irradiance.max() > LARGEST:
         raise InputError(f"suns: expected (direction, irradiance_rgb), three finite numbers each, got {sun}")
     return direction.tolist(), irradiance.tolist()

@@ -55,6 +55,8 @@ def _ordered(channels: Iterable[str]) -> list[str]:
 def diffuse_of(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Image]:
     """Sum of a bake's weighted lobes, each read at the largest one's size, by tile ("" where there is one)."""
     sums: dict[str, Image] = {}
+    if not manifest["lobes"]:
+        raise InputError(f"{folder}: expected a bake with lights, got one for those that come later")
     sizes = [lobe["size"] for lobe in manifest["lobes"]]
     width, height = max(size[0] for size in sizes), max(size[1] for size in sizes)
     weights = bake_weights(manifest, folder)

@@ -26,6 +26,7 @@ from skinbake.scene.decision import Decision
 from skinbake.stored_precision import as_stored
 
 TEXTURES, VISIBILITY, USE = RELIGHT
+MOST = 1e6  # a thousand times what light of radiance 1 is on any skin; NaN is not below it
 PROJECTION = (
     "A light is c_k = sum_j of_harmonics[k][j] h_j a channel, and M = max(0, sum_k c_k basis.k). h_j of a sky is the "
     "integral of radiance times Y_j, of a sun its irradiance times Y_j towards it (where it comes from). Y_j are real "
@@ -195,8 +196,8 @@ def transfer_of(folder: Path, tiles: bool = True) -> Transfer:
         plan = tuple(Decision.from_record(line) for line in use["plan"])
     except (ValueError, TypeError, KeyError, IndexError) as fault:
         raise InputError(f"{folder / USE}: expected what a bake wrote, got: {fault}; bake it again") from fault
-    if matrix.ndim != 2 or matrix.shape[1] != (order + 1) ** 2 or not np.isfinite(matrix).all():
-        raise InputError(f"{folder / USE}: of_harmonics: expected rows of a square number of finite values")
+    if matrix.ndim != 2 or matrix.shape[1] != (order + 1) ** 2 or not (np.abs(matrix) < MOST).all():
+        raise InputError(f"{folder / USE}: of_harmonics: expected rows of a square number of values below {MOST:g}")
     # A reader has no use for the radiance of the lights themselves
     basis = LightBasis(use["basis"], matrix, np.zeros((matrix.shape[1], 0)))
     textures, seen = {}, {}

@@ -98,16 +98,36 @@ def judge_basis(
     say : callable
         Told what begins.
     """
-    found: dict[str, list[_LightError]] = {}
+    return judge_bases(bake, [(basis, textures)], lights, say)[0]
+
+
+def judge_bases(
+    bake: DirectBake,
+    bases: Sequence[tuple[LightBasis, Tiles]],
+    lights: Sequence[UnseenLight],
+    say: Callable[[str], None] = lambda _: None,
+) -> list[dict[str, KindError]]:
+    """Errors of several bases by the same bakes, each as `judge_basis` gives it.
+
+    Parameters
+    ----------
+    bake : DirectBake
+    bases : sequence of (LightBasis, textures)
+    lights : sequence of UnseenLight
+    say : callable
+        Told what begins.
+    """
+    found: list[dict[str, list[_LightError]]] = [{} for _ in bases]
     for start in range(0, len(lights), AT_ONCE):
         some = lights[start : start + AT_ONCE]
         say(f"relighting: judging by {some[0].kind.replace('_', ' ')}, {start + len(some)} of {len(lights)}")
         exact = baked_lights(bake, some)
-        for k, each in enumerate(some):
-            amount = (basis.of_harmonics @ each.harmonics(basis.order)).astype(np.float32)
-            pairs = {tile: (np.einsum("khwc,kc->hwc", textures[tile], amount), exact[tile][k]) for tile in exact}
-            found.setdefault(each.kind, []).append(_error(each, pairs, bake.atlas, bake.scene.mesh))
-    return {kind: _of_kind(errors) for kind, errors in found.items()}
+        for (basis, textures), errors in zip(bases, found, strict=True):
+            for k, each in enumerate(some):
+                amount = (basis.of_harmonics @ each.harmonics(basis.order)).astype(np.float32)
+                pairs = {tile: (np.einsum("khwc,kc->hwc", textures[tile], amount), exact[tile][k]) for tile in exact}
+                errors.setdefault(each.kind, []).append(_error(each, pairs, bake.atlas, bake.scene.mesh))
+    return [{kind: _of_kind(errors) for kind, errors in each.items()} for each in found]
 
 
 class _LightError(NamedTuple):

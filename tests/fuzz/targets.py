@@ -260,6 +260,39 @@ def _baked_files() -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@cache
+def _transfer_files() -> dict[str, bytes]:
+    """relight.json of four harmonics, and the textures it speaks of."""
+    from skinbake.io.relight import write_transfer
+    from skinbake.relight.basis import harmonic_basis
+    from skinbake.relight.light_error import KindError
+    from skinbake.relight.transfer import Transfer
+    from skinbake.scene.decision import Decision
+
+    textures, seen = {1001: np.ones((4, 4, 8, 3), np.float16)}, {1001: np.ones((3, 2, 4, 3), np.float16)}
+    error = KindError(1, 0.01, 0.02, 0.03, {"name": "sky-0"}, {"uv": [0.5, 0.5], "of_mean": 0.1}, 0.0)
+    plan = (Decision("relight.harmonics", True, "asked for"),)
+    made = Transfer(harmonic_basis(1), textures, seen, {"skies": error}, (8, 4), plan)
+    with TemporaryDirectory() as name:
+        write_transfer(Path(name), made, "0" * 64, {}, "half", "zip", False)
+        return {path.name: path.read_bytes() for path in Path(name).iterdir()}
+
+
+def read_transfer(path: Path) -> None:
+    """As `open_bake(...).relight` does; the textures are there."""
+    from skinbake.io.relight import transfer_of
+    from skinbake.relight.relit import light_coefficients, relit
+
+    content = path.read_bytes()
+    for name, other in _transfer_files().items():
+        (path.parent / name).write_bytes(other)
+    (path.parent / "relight.json").write_bytes(content)
+    transfer = transfer_of(path.parent)
+    amount = light_coefficients(transfer.basis, np.ones((4, 8, 3), np.float32))
+    for textures in transfer.textures.values():
+        assert relit(textures, amount).shape[2] == 3
+
+
 # State of our own ----------------------------------------------------------------------------------------------------
 
 
@@ -685,6 +718,7 @@ TARGETS = {
     "gltf": Target(lambda: mesh_seeds(".gltf"), damage_json, read_any_mesh),
     "exr": Target(exr_seeds, damage_binary, read_exr),
     "image": Target(image_seeds, damage_binary, read_image),
+    "relight": Target(lambda: ((".json", _transfer_files()["relight.json"]),), damage_json, read_transfer),
     "report": Target(report_seeds, damage_json, read_report),
     "profile": Target(profile_seeds, damage_json, read_profile),
     "lobe": Target(lobe_seeds, damage_json, read_lobe_header),

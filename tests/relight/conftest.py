@@ -34,6 +34,7 @@ def baked(tmp_path_factory):
     """Bakes looks that are `LOOK` with changes, in memory; judged by few lights."""
     folder = tmp_path_factory.mktemp("relight")
     write_obj(folder / "ball.obj", sphere(30.0, "cube", 48))
+    write_obj(folder / "tiles.obj", sphere(30.0, "latlong", 24, tiles=2))
     write_obj(folder / "mesh.obj", joined(relief(60.0, 18.0, segments=24)))
     (folder / "look.yaml").write_text(LOOK)
     made = {}

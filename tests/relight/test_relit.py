@@ -95,3 +95,14 @@ def test_a_bake_without_it_says_so(baked):
         baked().relight(-np.ones((4, 8, 3)))
     with pytest.raises(InputError, match="no lights of its own"):
         baked().radiant_exitance()
+
+
+def test_tiles_have_their_own_textures(baked):
+    """On two UDIM tiles an even sky gives pi on both, and light through everything is counted: bounces, thin parts."""
+    changes = ["mesh.path=" + str(baked.folder / "tiles.obj"), "texture.udim=true", "texture.size=[40, 48]"]
+    ball = baked(*changes, "terms.transmission=on", "terms.interreflection=on", "relight.textures=4")
+    assert ball.tiles == (1001, 1002)
+    for tile in ball.tiles:
+        found = ball.relight(np.ones((16, 32, 3)), tile=tile)[..., 0]
+        assert (found > 0).mean() > 0.4
+        np.testing.assert_allclose(found[found > 0], np.pi * 0.8, rtol=5 * QUADRATURE)
