@@ -53,7 +53,13 @@ def _ordered(channels: Iterable[str]) -> list[str]:
 
 
 def diffuse_of(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Image]:
-    """Sum of a bake's weighted lobes, each read at the largest one's size, by tile ("" where there is one)."""
+    """Sum of a bake's weighted lobes, each read at the largest one's size, by tile ("" where there is one).
+
+    Raises
+    ------
+    InputError
+        The bake has no lights of its own.
+    """
     sums: dict[str, Image] = {}
     if not manifest["lobes"]:
         raise InputError(f"{folder}: expected a bake with lights, got one for those that come later")
