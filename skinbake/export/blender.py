@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.api.baked_skin import BakedSkin
-from skinbake.export.layers import UDIM, layer_file, layer_names, lobe_layers, write_layers
+from skinbake.export.layers import UDIM, layer_file, layer_names, lobe_layers, weight_file, write_layers
 from skinbake.io.atomic import write_text
 from skinbake.io.exr import Part, rgb_channels, write_parts
 from skinbake.io.irradiance import tile_path
@@ -21,7 +21,6 @@ from skinbake.io.scene_files import read_scene
 from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.irradiance.oil_layer import ROUGHNESS_MIN
 from skinbake.irradiance.scene_data import SceneData
-from skinbake.page.refuse_varying import refuse_varying
 from skinbake.preview.camera import camera_of
 
 SCRIPT, DATA, MESH = "skin_blender.py", "skin_blender.json", "skin.obj"
@@ -37,13 +36,7 @@ def blender_names(baked: BakedSkin, folder: Path) -> list[str]:
     baked : BakedSkin
     folder : Path
         Of the bake.
-
-    Raises
-    ------
-    InputError
-        Maps vary the skin.
     """
-    refuse_varying("blender", baked.table)
     tiled = [_AFTER] if _after(baked) else []
     plain = [SCRIPT, DATA, MESH]
     if _conserves(folder):
@@ -88,6 +81,7 @@ def write_blender(baked: BakedSkin, folder: Path, target: Path) -> None:
         "lobes": [
             {
                 "weight_rgb": [float(w) for w in weight],
+                "weight_image": weight_file(index, UDIM if udim else None) if baked.table else None,
                 "variance_mm2": float(baked.variance_mm2[index]),
                 "images": [layer_file(baked, index, light, UDIM if udim else None) for light in lobe_layers(baked)],
             }

@@ -98,6 +98,11 @@ def layer_file(baked: BakedSkin, lobe: int, light: str | None, tile: str | None)
     return f"{name}.exr" if tile is None else f"{name}.{tile}.exr"
 
 
+def weight_file(lobe: int, tile: str | None) -> str:
+    """Name of the file of a lobe's weights; `tile` as in `layer_file`."""
+    return f"weight_{lobe}.exr" if tile is None else f"weight_{lobe}.{tile}.exr"
+
+
 def _stem(baked: BakedSkin, lobe: int) -> str:
     return "transmission" if baked.transmits and lobe == len(baked.weight_rgb) - 1 else f"lobe_{lobe}"
 

@@ -17,7 +17,7 @@ from typing import Any
 import bpy
 from mathutils import Matrix
 
-METRES_PER_MM = 0.001
+METRES_PER_MM, PI = 0.001, 3.14159265358979
 LINEAR, PLAIN = "Linear Rec.709", "Non-Color"
 
 
@@ -95,7 +95,9 @@ def skin_group(about: dict[str, Any], folder: Path) -> Any:
         for image, gain in zip(lobe["images"], gains, strict=True):
             light_of_all = nodes.vector("MULTIPLY_ADD", nodes.image(image, tiles, LINEAR), gain, light_of_all, x=2)
         # Radiance is exitance over pi
-        weight = tuple(w / 3.14159265358979 for w in lobe["weight_rgb"])
+        weight: Any = tuple(w / PI for w in lobe["weight_rgb"])
+        if lobe["weight_image"]:  # where maps vary the skin
+            weight = nodes.vector("MULTIPLY", nodes.image(lobe["weight_image"], tiles), (1 / PI,) * 3)
         radiance = nodes.vector("MULTIPLY_ADD", light_of_all, weight, radiance)
     if about["albedo_after"]:
         radiance = nodes.vector("MULTIPLY", radiance, nodes.image(about["albedo_after"], tiles, LINEAR), x=4)

@@ -15,8 +15,7 @@ import numpy as np
 from skinbake.io.bake_folder import BakeFolder, read_bake_folder
 from skinbake.io.manifest import read_manifest
 from skinbake.irradiance.oil_albedo import oil_table
-from skinbake.page.coded_image import CodedImage, coded
-from skinbake.page.refuse_varying import refuse_varying
+from skinbake.page.coded_image import CodedImage, coded, halves
 from skinbake.preview import tonemap
 from skinbake.preview.camera import PORTRAIT_YFOV_DEG, VIEWS, view
 from skinbake.preview.geometry import VertexBuffers, vertex_buffers
@@ -24,6 +23,7 @@ from skinbake.preview.mode import NAMES, Mode
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_defines import SHADERS, SWITCHES, shader_defines
 from skinbake.preview.shader_light import ShaderLight, shader_lights
+from skinbake.preview.skin_table import table_bounds, table_images
 
 _VIEWER = Path(__file__).parent / "viewer"
 _LABELS = {
@@ -45,10 +45,9 @@ def bake_page(folder: Path) -> tuple[str, dict[str, float]]:
     Raises
     ------
     InputError
-        A file of the bake is missing or damaged, or maps vary its skin.
+        A file of the bake is missing or damaged.
     """
     bake, manifest = read_bake_folder(folder), read_manifest(folder)
-    refuse_varying("web", bake.scene.table)
     lights = shader_lights(bake.scene.lights)
     errors: dict[str, list[float]] = {}
     tiles = [
@@ -114,6 +113,11 @@ def _tile(
     add("normal_map", "normals", [maps.normal.get(number, up)], "linear", lossless=True)
     add("roughness_map", "roughness", [maps.roughness.get(number, scene.specular.roughness * one)], "linear", True)
     add("specular_map", "roughness", [maps.specular.get(number, one)], "linear", True)
+    if scene.table is not None:
+        images = table_images(scene.table, maps, number)
+        textures["weight_table"] = [halves(layer) for layer in images.pop("weight_table")]
+        for name, image in images.items():
+            add(name, "maps of the skin", [image[0, ..., 0]], "linear", lossless=True)
     layers = len(scene.lights) if scene.separate else 1
     defines = {
         str(mode): shader_defines(scene, number, mode, lights, len(scene.lights) if mode.name == "none" else layers)
@@ -179,6 +183,7 @@ def _page_data(bake: BakeFolder, lights: tuple[ShaderLight, ...]) -> dict[str, A
             {"weight": [float(w) for w in lobe.weight_rgb], "variance_mm2": lobe.variance_mm2} for lobe in scene.lobes
         ],
         "total_weight": scene.total_weight_rgb.tolist(),
+        "table": None if scene.table is None else table_bounds(scene.table).tolist(),
         "albedo_exponent_after": 1 - scene.texturing.exponent_before,
         "normal_strength": scene.maps.normal_strength,
         "f0": scene.specular.f0,

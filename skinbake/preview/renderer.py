@@ -27,8 +27,9 @@ from skinbake.preview.picture_part import PicturePart
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_defines import SHADERS, shader_defines
 from skinbake.preview.shader_light import DIRECTIONAL, ShaderLight, shader_lights
+from skinbake.preview.skin_table import table_bounds
 from skinbake.preview.target import FloatTarget
-from skinbake.preview.textures import TileTextures, table_bounds, upload_oil_albedo
+from skinbake.preview.textures import TileTextures, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
 
 GBUFFER_ATTACHMENTS = 5

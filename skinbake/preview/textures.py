@@ -15,8 +15,7 @@ from OpenGL import GL
 from skinbake.errors import MachineError
 from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.preview.scene import PreviewScene
-from skinbake.profile.weight_table import WeightTable
-from skinbake.scene.maps import SkinMaps
+from skinbake.preview.skin_table import table_images
 from skinbake.scene.spec import SpecularSpec
 
 SMALLEST = 256  # texels a side: a driver that has no room for that is not merely small
@@ -163,34 +162,6 @@ class TileTextures:
         """Free the textures that only this tile uses."""
         GL.glDeleteTextures(list(self._own.values()))
         self._own = {}
-
-
-def table_images(table: WeightTable, maps: SkinMaps, tile: int) -> dict[str, NDArray[np.floating]]:
-    """Images of the samplers that skin which varies is weighed by, (L, h, w, k).
-
-    Parameters
-    ----------
-    table : WeightTable
-    maps : SkinMaps
-    tile : int
-    """
-    quantities = dict(zip(("table_row", "table_column"), table.names, strict=False))
-    if table.scatters:
-        quantities["scatter_map"] = "scatter"
-    found = {"weight_table": np.moveaxis(table.weight_rgb, 2, 0).astype(np.float32)}
-    for sampler in ("table_row", "table_column", "scatter_map"):
-        name = quantities.get(sampler)
-        image = getattr(maps, name).get(tile) if name else None
-        constant = table.constants[name] if name else 1.0
-        found[sampler] = (np.full((1, 1), constant, np.float32) if image is None else image)[None, ..., None]
-    return found
-
-
-def table_bounds(table: WeightTable) -> NDArray[np.float64]:
-    """Roots of the first nodes of rows and columns, and from these to those of the last, (2, 2); 1 for one node."""
-    roots = np.sqrt([[nodes[0], nodes[-1]] for nodes in table.nodes])
-    wide = roots[:, 1] - roots[:, 0]
-    return np.stack([roots[:, 0], np.where(wide > 0, wide, 1.0)])
 
 
 def upload_oil_albedo(specular: SpecularSpec) -> int:

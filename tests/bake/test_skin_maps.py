@@ -1,5 +1,7 @@
 """Skin that varies over the texture, baked on a small plane under a close lamp."""
 
+import json
+
 import numpy as np
 import pytest
 import yaml
@@ -183,7 +185,7 @@ def test_the_sum_knows_the_table(plane):
 
 
 def test_a_folder_holds_what_memory_does(plane, tmp_path):
-    """Also as it is compared, and as layers whose weights are pictures; other exports refuse it by name."""
+    """Also as it is compared, and as layers whose weights are pictures, which Blender's nodes read."""
     maps = {"radius": "steps.exr", "scatter": "share.exr"}
     m = plane(maps, FEW).radiant_exitance()
     found = plane(maps, FEW, to=tmp_path / "bake")
@@ -201,9 +203,9 @@ def test_a_folder_holds_what_memory_does(plane, tmp_path):
         for i in range(len(found.weight_rgb))
     )
     assert apart(total, m) < 1e-3  # half floats
-    for kind in ("web", "blender"):
-        with pytest.raises(InputError, match=f"export --{kind}: .*got maps.radius, maps.scatter"):
-            write_exports(tmp_path / "bake", [kind], tmp_path / kind)
+    write_exports(tmp_path / "bake", ["blender"], tmp_path / "blender")
+    lobes = json.loads((tmp_path / "blender" / "skin_blender.json").read_text())["lobes"]
+    assert [lobe["weight_image"] for lobe in lobes] == [f"weight_{i}.exr" for i in range(len(lobes))]
 
 
 def picture(path):

@@ -16,6 +16,7 @@ from skinbake.cli import run
 from skinbake.errors import InputError
 from skinbake.export.web import NAME
 from skinbake.io.bake_folder import read_bake_folder
+from skinbake.io.png import write_png
 from skinbake.io.webp import webp_pixels
 from skinbake.page.batch_page import PageLook, batch_page
 from skinbake.page.coded_image import coded
@@ -86,7 +87,29 @@ def test_what_is_the_same_everywhere_is_exact():
 @pytest.mark.skipif(renderer_name() is None, reason="no headless OpenGL here")
 def test_it_draws_what_the_preview_draws(browser, bake):
     """In four views and every mode, within 2 of 255 at 99.5 % of the pixels; and says nothing on the console."""
-    asked = json.dumps({"views": VIEWS, "modes": MODES, "width": SIZE[0], "height": SIZE[1]})
+    compare(browser, bake, VIEWS, MODES)
+
+
+@pytest.mark.skipif(renderer_name() is None, reason="no headless OpenGL here")
+def test_skin_that_varies_is_drawn_as_the_preview_does(bake, tmp_path):
+    """By the same table of weights, read at the same maps."""
+    for name, low in (("radius", 60), ("share", 0)):
+        ramp = np.linspace(low, 255, 24).astype(np.uint8)
+        write_png(bake.parent / f"{name}.png", np.repeat(np.tile(ramp, (16, 1))[..., None], 3, axis=2))
+    maps = [f"maps.radius={bake.parent / 'radius.png'}", f"maps.scatter={bake.parent / 'share.png'}"]
+    look = ["bake", str(bake.parent / "me.yaml"), "--set", maps[0], "--set", maps[1]]
+    skin = ["--set", "skin={preset: jensen-skin1, fit: {gaussians: 3}}", "--no-preview", "--quiet"]
+    assert run([*look, *skin, "--out", str(tmp_path / "bake")]) == 0
+    assert run(["export", str(tmp_path / "bake"), "--to", str(tmp_path / "x"), "--web", "--quiet"]) == 0
+    with Browser(tmp_path / "browser") as browser:
+        browser.open(tmp_path / "x" / NAME)
+        browser.run("await until(() => window.skinbake && skinbake.ready());")
+        compare(browser, tmp_path / "bake", ["front", "left"], ["full", "none"])
+
+
+def compare(browser, bake, views, modes):
+    """Look at each view in each mode, in the browser and in the preview."""
+    asked = json.dumps({"views": views, "modes": modes, "width": SIZE[0], "height": SIZE[1]})
     drawn = browser.run(
         f"const asked = {asked}, out = {{}};"
         "for (const view of asked.views) for (const mode of asked.modes)"
@@ -97,8 +120,8 @@ def test_it_draws_what_the_preview_draws(browser, bake):
     read = read_bake_folder(bake)
     aspect = read.spec.preview.size[0] / read.spec.preview.size[1]
     with OffscreenRenderer(read.scene) as renderer:
-        for name in VIEWS:
-            for mode in MODES:
+        for name in views:
+            for mode in modes:
                 shown = renderer.draw(
                     view(read.scene.mesh, name, aspect), SIZE, parse_mode(mode, len(read.scene.lobes))
                 )

@@ -109,6 +109,7 @@
     const { width, height, channels } = layers[0];
     const planes = [];
     for (const image of layers) {
+      if (image.coding === "half") { planes.push(new Uint16Array(bytesOf(image.data).buffer)); continue; }
       const bytes = await pixelsOf(image);
       const tables = [0, 1, 2].map((c) => decoder(image.coding, image.low[c], image.high[c]));
       const plane = new Uint16Array(width * height * channels);
@@ -181,8 +182,8 @@
       throw new Error("this graphics driver cannot draw to float textures");
     programs = {};
     targets = {};
-    const wantedUnits = bake.lobes.length + 7, units = gl.getParameter(gl.MAX_TEXTURE_IMAGE_UNITS);
-    if (wantedUnits > units) throw new Error(`${bake.lobes.length} lobes need ${wantedUnits} texture units, there are ${units}`);
+    const units = gl.getParameter(gl.MAX_TEXTURE_IMAGE_UNITS), read = bake.lobes.length + (bake.table ? 11 : 7);
+    if (read > units) throw new Error(`${bake.lobes.length} lobes need ${read} texture units, this driver has ${units}`);
     const total = bake.tiles.reduce((sum, tile) => sum + Object.keys(tile.textures).length, 0);
     let done = 0;
     const made = [];
@@ -253,11 +254,14 @@
       gl.uniform2fv(place("light_cosines"), lamps.cosines.flat());
       gl.uniform3fv(place("light_color"), lamp);
       for (const name of ["albedo_exponent_after", "normal_strength", "f0", "strength"]) gl.uniform1f(place(name), bake[name]);
-      Object.entries(tile.textures).forEach(([name, texture], i) => {
-        gl.activeTexture(gl.TEXTURE0 + i);
+      if (bake.table) ["table_low", "table_range"].forEach((name, i) => gl.uniform2fv(place(name), bake.table[i]));
+      let unit = 0;
+      for (const [name, texture] of Object.entries(tile.textures)) {
+        if (!place(name)) continue;  // what this shader does not read needs no unit
+        gl.activeTexture(gl.TEXTURE0 + unit);
         gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
-        if (place(name)) gl.uniform1i(place(name), i);
-      });
+        gl.uniform1i(place(name), unit++);
+      }
       gl.bindVertexArray(tile.array);
       gl.drawElements(gl.TRIANGLES, tile.indices, gl.UNSIGNED_INT, 0);
     }
