@@ -17,7 +17,7 @@ from skinbake.io.manifest import read_manifest
 from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.page.coded_image import CodedImage, coded, halves
 from skinbake.preview import tonemap
-from skinbake.preview.camera import PORTRAIT_YFOV_DEG, VIEWS, view
+from skinbake.preview.camera import PORTRAIT_YFOV_DEG, VIEWS, Camera, camera_of, view
 from skinbake.preview.geometry import VertexBuffers, vertex_buffers
 from skinbake.preview.mode import NAMES, Mode
 from skinbake.preview.scene import PreviewScene
@@ -160,15 +160,7 @@ def _page_data(bake: BakeFolder, lights: tuple[ShaderLight, ...]) -> dict[str, A
     width, height = look.preview.size
     table = oil_table(scene.specular).astype("<f4")
     low, high = scene.mesh.positions_mm.min(0), scene.mesh.positions_mm.max(0)
-    views = {}
-    for name in VIEWS:
-        camera = view(scene.mesh, name, width / height)
-        views[name] = {
-            "target": [float(x) for x in camera.target_mm],
-            "distance": float(camera.distance_mm),
-            "azimuth": float(camera.azimuth_deg),
-            "elevation": float(camera.elevation_deg),
-        }
+    views = {name: _place(view(scene.mesh, name, width / height)) for name in VIEWS}
     shaders = {
         "skin_frag": "skin.frag",
         "skin_vert": "skin.vert",
@@ -207,12 +199,23 @@ def _page_data(bake: BakeFolder, lights: tuple[ShaderLight, ...]) -> dict[str, A
         "tonemap": {"TONEMAP_KNEE": str(tonemap.KNEE), "TONEMAP_DESATURATION": str(tonemap.DESATURATION)},
         "views": views,
         "view": look.preview.view,
+        "start": _place(camera_of(scene.mesh, look.preview, width / height)),
         "aspect": width / height,
         "yfov": PORTRAIT_YFOV_DEG,
         "centre": ((low + high) / 2).tolist(),
         "radius": float(np.linalg.norm(high - low)) / 2,
         "exposure": look.preview.exposure,
         "background": list(look.preview.background_rgb),
+    }
+
+
+def _place(camera: Camera) -> dict[str, Any]:
+    """A camera as the page has it."""
+    return {
+        "target": [float(x) for x in camera.target_mm],
+        "distance": float(camera.distance_mm),
+        "azimuth": float(camera.azimuth_deg),
+        "elevation": float(camera.elevation_deg),
     }
 
 

@@ -539,7 +539,7 @@
 
   async function start() {
     panel();
-    state.camera = fitted(bake.views[bake.view]);
+    state.camera = fitted(bake.start);
     $("view").value = bake.view;
     fromHash();
     shown();
