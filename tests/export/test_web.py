@@ -137,7 +137,7 @@ def test_controls_change_the_picture_and_a_link_brings_it_back(browser):
     """A light's slider, the exposure, the split and the view are in the link; opening it restores them."""
     found = browser.run("""
         const at = (id) => document.getElementById(id), picture = () => at("picture").toDataURL();
-        const settled = () => new Promise((r) => setTimeout(r, 400));
+        const settled = async () => { await new Promise((r) => setTimeout(r, 100)); await until(() => skinbake.still()); };
         await settled();
         const before = picture();
         at("gain-0").value = 0.5; at("gain-0").oninput();
@@ -193,7 +193,8 @@ def test_a_batch_s_looks_turn_together_and_a_cell_shows_the_page(browser, page, 
         const [one, two] = [...document.querySelectorAll("iframe")].map((frame) => frame.contentWindow);
         await until(() => one.skinbake?.ready() && two.skinbake?.ready());
         const shown = (of) => of.document.getElementById("picture").toDataURL();
-        const settled = () => new Promise((r) => setTimeout(r, 500));
+        const still = () => one.skinbake.still() && two.skinbake.still();
+        const settled = async () => { await new Promise((r) => setTimeout(r, 300)); await until(still); };
         const picture = one.document.getElementById("picture");
         const press = (key) => picture.dispatchEvent(new KeyboardEvent("keydown", { key }));
         await settled();

@@ -313,13 +313,14 @@
       bind(place, 0, "frame", small.texture);
       bind(place, 1, "text", text.texture);
       gl.uniform3fv(place("background"), bake.background);
+      gl.uniform2f(place("size"), width, height);
       gl.uniform1f(place("gain"), 2 ** state.exposure);
     });
   }
 
   function redraw() {  // at once with a point a pixel, and with four as soon as nothing moves
     clearTimeout(later);
-    later = setTimeout(() => { draw(2); addressed(); }, 160);
+    later = setTimeout(() => { later = 0; draw(2); addressed(); }, 160);
     tell();
     if (wanted) return;
     wanted = true;
@@ -524,6 +525,7 @@
   // For scripts and tests: a picture of a view, as a data URL
   window.skinbake = {
     ready: () => ready,
+    still: () => ready && !wanted && !later,  // nothing is left to be drawn
     async render({ view, mode = "full", width, height, exposure = bake.exposure }) {
       const kept = { ...state, gains: [...state.gains] }, size = [canvas.width, canvas.height];
       Object.assign(state, { mode, exposure, split: false, camera: { ...bake.views[view] } });
