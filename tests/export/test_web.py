@@ -137,7 +137,8 @@ def test_controls_change_the_picture_and_a_link_brings_it_back(browser):
     """A light's slider, the exposure, the split and the view are in the link; opening it restores them."""
     found = browser.run("""
         const at = (id) => document.getElementById(id), picture = () => at("picture").toDataURL();
-        const settled = async () => { await new Promise((r) => setTimeout(r, 100)); await until(() => skinbake.still()); };
+        const moment = () => new Promise((r) => setTimeout(r, 100));
+        const settled = async () => { await moment(); await until(() => skinbake.still()); };
         await settled();
         const before = picture();
         at("gain-0").value = 0.5; at("gain-0").oninput();
@@ -154,6 +155,7 @@ def test_controls_change_the_picture_and_a_link_brings_it_back(browser):
         const other = picture();
         location.hash = "";
         location.hash = link;
+        await until(() => at("gain-value-0").textContent === "0.50");
         await settled();
         return { link, changes: before !== changed, differs: changed !== other, returns: picture() === changed,
                  gain: at("gain-value-0").textContent, divider: at("divider").hidden };
