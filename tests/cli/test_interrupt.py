@@ -17,15 +17,26 @@ from skinbake.io.mesh import write_obj
 from skinbake.preview.setup_gl import renderer_name
 from tests.cli.test_faults import LOOK, contents
 from tests.conftest import ROOT
-from tests.shapes import relief
+from tests.shapes import relief, sphere
 
 pytestmark = pytest.mark.slow  # processes, waits, or many bakes
 
 STOPS = int(os.environ.get("SKINBAKE_STOPS", "0"))  # of each verb; `make faults` asks for 34
 LIMIT_S = 2.0
+VERBS = ["bake", "batch", "preview", *(["movie", "export", "irradiance", "diffuse", "truth"] if STOPS else [])]
 BATCH = """\
 defaults: {base: BASE, texture: {size: 32}, output: {dir: looks}}
 jobs: [{name: one}, {name: two, lights.key.irradiance: [3, 2, 1]}, {name: three, lights.key.irradiance: [1, 2, 3]}]
+"""
+
+
+BALL = """\
+mesh: {path: ball.obj, unit: mm, any_size: true}
+texture: {size: 32}
+skin: {model: multipole, normalise: none, layers: [{sigma_a_per_mm: [0.1, 0.2, 0.3], sigma_sp_per_mm: [3, 3, 3],
+       thickness_mm: .inf, eta: 1.0}]}
+lights: [{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}]
+output: {dir: ball}
 """
 
 
@@ -123,6 +134,8 @@ def look(tmp_path_factory):
     text = (ROOT / "configs" / "head.yaml").read_text().replace("../data", str(ROOT / "data")) if STOPS else LOOK
     (folder / "head.yaml").write_text(text)
     write_obj(folder / "mesh.obj", relief(segments=24))
+    write_obj(folder / "ball.obj", sphere(30.0, "cube", 8))
+    (folder / "ball.yaml").write_text(BALL)
     (folder / "batch.yaml").write_text(BATCH.replace("BASE", str(folder / "head.yaml")))
     return folder
 
@@ -131,7 +144,7 @@ SMALL = ["--set", f"texture.size={128 if STOPS else 32}", "--set", "preview.size
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
-@pytest.mark.parametrize("verb", ["bake", "batch", "preview"])
+@pytest.mark.parametrize("verb", VERBS)
 @pytest.mark.slow  # a process for each moment
 def test_ctrl_c_at_any_moment(look, verb, capsys):
     """130 within two seconds, one line, no child and no unfinished file; the next run ends in the same bytes."""
@@ -142,8 +155,13 @@ def test_ctrl_c_at_any_moment(look, verb, capsys):
         "bake": [*bake, "--force"],
         "batch": ["batch", look / "batch.yaml", "-j2", "--force", "--quiet", "--no-preview"],
         "preview": ["preview", look / "out", "--png", look / "picture.png", "--quiet"],
+        "movie": ["preview", look / "out", "--turntable", "12", "--movie", look / "turn.gif", "--quiet"],
+        "export": ["export", look / "out", "--to", look / "handed", "--sum", "--layers", "--web", "--quiet"],
+        "irradiance": ["irradiance", look / "head.yaml", *SMALL, "--out", look / "lit", "--force"],
+        "diffuse": ["diffuse", look / "head.yaml", look / "out" / "irradiance.exr", *SMALL, "--out", look / "blurred"],
+        "truth": ["truth", look / "ball.yaml", "--points", "40", "--walks", "400", "--quiet"],
     }[verb]
-    if verb == "preview":
+    if verb in ("preview", "movie", "export", "diffuse"):
         assert run([*map(str, bake)]) == 0
     stopped, wrong, took = sweep(look, arguments, STOPS or 2, seed=len(verb))
     with capsys.disabled():

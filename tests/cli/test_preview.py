@@ -43,6 +43,11 @@ def test_views_turntable_and_compare_name_their_files(bake, tmp_path):
     assert run(["preview", str(bake), "--out", str(tmp_path / "v"), "--views", "front,left", "--size", "32x40"]) == 0
     assert sorted(p.name for p in (tmp_path / "v").iterdir()) == ["preview_front.png", "preview_left.png"]
     assert run(["preview", str(bake), "--out", str(tmp_path / "t"), "--turntable", "3", "--size", "24"]) == 0
+    film = ["--turntable", "3", "--size", "24", "--movie", str(tmp_path / "turn.gif")]
+    before = sorted(bake.iterdir())
+    assert run(["preview", str(bake), *film]) == 0
+    assert (tmp_path / "turn.gif").read_bytes().startswith(b"GIF89a")
+    assert sorted(bake.iterdir()) == before  # one file, no pictures beside it
     frames = sorted((tmp_path / "t").iterdir())
     assert [p.name for p in frames] == ["preview_0000.png", "preview_0001.png", "preview_0002.png"]
     assert np.abs(picture(frames[0]) - picture(frames[1])).max() > 10
