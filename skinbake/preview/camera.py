@@ -90,6 +90,13 @@ class Camera:
         return replace(self, target_mm=self.target_mm + height * (right * axes[:, 0] + up * axes[:, 1]))
 
 
+def same_place(one: Camera, other: Camera) -> bool:
+    """Whether two cameras stand at one place and look the same way."""
+    angles = (one.distance_mm, one.azimuth_deg, one.elevation_deg)
+    same = angles == (other.distance_mm, other.azimuth_deg, other.elevation_deg)
+    return same and np.array_equal(one.target_mm, other.target_mm)
+
+
 def camera_of(mesh: SkinMesh, look: PreviewSpec, aspect: float) -> Camera:
     """The camera of a look: its own, else its view's.
 

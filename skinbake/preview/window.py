@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError, SkinbakeError
-from skinbake.preview.camera import VIEWS, Camera, camera_of, view
+from skinbake.preview.camera import VIEWS, Camera, camera_of, same_place, view
 from skinbake.preview.controls import Controls, overlay, press
 from skinbake.preview.drag_quality import SETTLE_S, DragQuality
 from skinbake.preview.draw import PreviewImage
@@ -23,7 +23,7 @@ from skinbake.preview.relit_controls import RelitControls, press_relit
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_light import Gains, gains_rgb
 from skinbake.preview.views import tone_map
-from skinbake.preview.window_state import WindowState
+from skinbake.preview.window_state import WindowState, state_of
 from skinbake.scene.spec import PreviewSpec
 
 if TYPE_CHECKING:
@@ -209,30 +209,15 @@ class PreviewWindow:
     @property
     def lines(self) -> list[str]:
         """Lines of text over the picture."""
-        moved = "" if self._at_start() else ", moved"
+        moved = "" if same_place(self.camera, self._from) else ", moved"
         first, *others = overlay(self.controls, self.scene, self.fps, self.relit, self.view_name + moved)
         return [line for line in (first, self.skin_text, *others, self.message) if line]
 
-    def _at_start(self) -> bool:
-        here, there = self.camera, self._from
-        same = (here.distance_mm, here.azimuth_deg, here.elevation_deg) == (
-            there.distance_mm, there.azimuth_deg, there.elevation_deg,
-        )  # fmt: skip
-        return same and np.array_equal(here.target_mm, there.target_mm)
-
     def state(self) -> WindowState:
         """What was set, since the look was last written."""
-        now = dict(zip((light.name for light in self.controls.lights), self.controls.gains, strict=True))
-        factors = {name: np.divide(gain, self._written[name], out=np.ones(3), where=self._written[name] > 0)
-                   for name, gain in now.items()}  # fmt: skip
         own = self.view_name == OTHER_CAMERA
-        return WindowState(
-            {name: (float(r), float(g), float(b)) for name, (r, g, b) in factors.items()},
-            {light.name: light for light in self.controls.lights if light.name in self.controls.moved},
-            self.look.view if own else self.view_name,
-            self.camera if own or not self._at_start() else None,
-            self.controls.exposure,
-        )
+        camera = self.camera if own or not same_place(self.camera, self._from) else None
+        return state_of(self.controls, self._written, self.look.view if own else self.view_name, camera)
 
     def set_scene(self, scene: PreviewScene, look: PreviewSpec) -> None:
         """Show another bake in place, from where the camera stands; lights that are as they were keep their gains.
@@ -252,9 +237,10 @@ class PreviewWindow:
             self.renderer.fold = True
         before = {light.name: (light, gain) for light, gain in zip(self.start.lights, self.controls.gains, strict=True)}
         kept = {name: gain for name, (light, gain) in before.items() if light in scene.lights}
-        gains = tuple(kept.get(light.name, np.ones(3)) for light in scene.lights)
-        self._written = {light.name: self._written.get(light.name, np.ones(3)) if light.name in kept else np.ones(3)
-                         for light in scene.lights}  # fmt: skip
+        ones = np.ones(3)
+        gains = tuple(kept.get(light.name, ones) for light in scene.lights)
+        written = {name: self._written[name] for name in kept}
+        self._written = {light.name: written.get(light.name, ones) for light in scene.lights}
         exposure = self.controls.exposure if look.exposure == self.look.exposure else look.exposure
         width, height = self.window.get_size()
         if (look.view, look.camera) != (self.look.view, self.look.camera):
