@@ -104,6 +104,7 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
         "terms": {
             "energy_conservation": baked.decisions.energy_conservation.enabled,
             **{term: kept_of_any_light(of_lights, term) for term in ("incidence", "beam", "interreflection")},
+            "curvature": any(line.term == "curvature" and line.enabled for line in of_lights),
             "transmission": any(lobe.transmitted for lobe in baked.diffuse.lobes),
         },
         "timings": dict(log.seconds),

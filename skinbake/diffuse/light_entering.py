@@ -22,6 +22,7 @@ from skinbake.diffuse.terms.beam import (
     moved_share,
     narrowest_mm2,
 )
+from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin
 from skinbake.diffuse.terms.interreflection import (
     add_at_full_size,
     bounced_light,
@@ -67,6 +68,8 @@ class LightEntering:
     plan : tuple of Decision
     coarseness : float
         Of the light that skin sends to skin, which all lights together decide (`Receivers`); 0 without such light.
+    curved : CurvedSkin, optional
+        What curvature makes of the lobes, where that is counted.
     """
 
     names: tuple[str, ...]
@@ -76,6 +79,7 @@ class LightEntering:
     slanted: frozenset[str]
     plan: tuple[Decision, ...]
     coarseness: float = 0.0
+    curved: CurvedSkin | None = None
 
 
 def light_entering(
@@ -119,8 +123,10 @@ def light_entering(
     slanted, plan = _decide_incidence(spec, budget, slant, skies, medium.why)
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     exponent = np.float32(spec.texturing.exponent_before)
-    shifts, shifted, lines = _decide_beam(spec, budget, scene, atlas, irradiance, gaussians, medium)
-    plan += lines
+    terms = spec.terms
+    curved, line = curve_skin(scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible)
+    shifts, shifted, lines = _decide_beam(spec, budget, scene, atlas, irradiance, gaussians, medium, curved)
+    plan += [*lines, line]
     light, further = {}, {}
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
     for k, (raster, tile) in enumerate(zip(atlas, irradiance, strict=True)):
@@ -164,7 +170,7 @@ def light_entering(
     free_path = free_path_of(medium)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
     mean_albedo = total / sum(map(np.sum, area))
-    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), coarseness)
+    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), coarseness, curved)
 
 
 def _named(spec: SceneSpec, name: str) -> LightSpec:
@@ -180,6 +186,7 @@ def _decide_beam(
     irradiance: tuple[IrradianceMap, ...],
     gaussians: GaussianSum,
     medium: SkinMedium,
+    curved: CurvedSkin | None,
 ) -> tuple[list[BeamShift], set[str], list[Decision]]:
     """What shifts light, by tile, the lights that are shifted, and the plan's lines.
 
@@ -192,6 +199,8 @@ def _decide_beam(
     irradiance : tuple of IrradianceMap
     gaussians : GaussianSum
     medium : SkinMedium
+    curved : CurvedSkin, optional
+        Where curvature is counted.
     """
     switch = spec.terms.beam
     if switch == "off":
@@ -202,7 +211,15 @@ def _decide_beam(
     wide = gaussians.variance_mm2 >= narrowest_mm2(free_path[0])
     share = float(gaussians.weight_rgb[wide].sum() / max(gaussians.weight_rgb.sum(), 1e-12))
     shifts = [
-        BeamShift(raster, scene.mesh, scene.occluder, spec.texture.udim, k, *free_path)
+        BeamShift(
+            raster,
+            scene.mesh,
+            scene.occluder,
+            spec.texture.udim,
+            k,
+            *free_path,
+            curved.curvature_per_mm[raster.tile] if curved else None,
+        )
         for k, raster in enumerate(atlas)
     ]
     lines = []

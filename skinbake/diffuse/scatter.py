@@ -85,7 +85,7 @@ def scatter(
         beam=entering.beam,
         skin=skin,
     )
-    mean_albedo, plan = entering.mean_albedo, entering.plan
+    mean_albedo, plan, curved = entering.mean_albedo, entering.plan, entering.curved
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
     del entering
     texture, terms, budget = spec.texture, spec.terms, decisions.budget
@@ -111,6 +111,7 @@ def scatter(
         through_by,
         uniform_scatter(gaussians, spec.skin),
     )
+    lobes = curved.applied(diffused.lobes) if curved else diffused.lobes
     if gaussians.table is not None:
         plan = (table_decision(gaussians.table, int(np.count_nonzero(gaussians.variance_mm2)), spec.skin), *plan)
     plan = (*plan, *diffused.plan, line)
@@ -118,7 +119,7 @@ def scatter(
     met = diffused.error is None or left <= budget.tolerance
     return replace(
         diffused,
-        lobes=diffused.lobes + ((through,) if through else ()),
+        lobes=lobes + ((through,) if through else ()),
         plan=plan,
         tolerance_met=met,
         advice="" if met else diffused.advice or too_much((*before, *plan), left, budget.tolerance),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
+from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.interreflection import (
     SkinView,
     add_at_full_size,
@@ -89,7 +91,10 @@ class Scattering:
         self._plans: tuple[LobePlan, ...] | None = None
         self._view: SkinView | None = None
         self._through = spec.terms.transmission
-        self.lines: list[Decision] = []
+        self._curved, line = curve_skin(
+            scene.mesh, spec.texture, gaussians, medium, spec.terms.curvature, self._budget.negligible
+        )
+        self.lines: list[Decision] = [replace(line, term="relight.curvature")]
 
     def exitance(self, light: Tiles) -> Tiles:
         """M of each light before what of the albedo comes after scattering, (L, H, W, 3) a tile.
@@ -108,7 +113,8 @@ class Scattering:
             light[raster.tile] *= albedo**exponent
         diffused = self._diffused(light)
         through = self._transmitted(diffused, first)
-        lobes = (*diffused.lobes, through) if through else diffused.lobes
+        lobes = self._curved.applied(diffused.lobes) if self._curved else diffused.lobes
+        lobes = (*lobes, through) if through else lobes
         weights = SkinWeights(np.array([lobe.weight_rgb for lobe in lobes]), self._weights.table, self._scene.maps)
         return {raster.tile: summed_lobes(lobes, weights, raster.tile, raster.shape) for raster in self._atlas}
 

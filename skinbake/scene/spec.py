@@ -377,6 +377,8 @@ class TermsSpec(Strict):
     """Light that enters at a slant comes back more than a profile says, which is that of a beam along the normal."""
     beam: Switch = "auto"
     """Light that enters at a slant scatters first a free path further along."""
+    curvature: Switch = "auto"
+    """Round skin sends back more of the light than flat skin, and hollows less."""
     interreflection: Switch = "auto"
     """Skin lights skin: in nostrils, between lips, behind the ear."""
     bounces: Annotated[int, Field(ge=1, le=16)] = 1

@@ -82,7 +82,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     level = EXTENTS.index(extent)
     # Terms that `auto` decides by the tolerance must not change along the way
     oil = "on" if decide(spec).energy_conservation.enabled else "off"
-    off = ("terms.incidence=off", "terms.beam=off", "terms.interreflection=off", "terms.transmission=off")
+    off = tuple(f"terms.{term}=off" for term in ("incidence", "beam", "curvature", "interreflection", "transmission"))
     base = (_size(size, 1), "texture.reduce=off", "diffusion.probes=0", *off, f"terms.energy_conservation={oil}")
     finest_skin = _finest_skin(spec)
     references = [
@@ -171,6 +171,7 @@ def _terms(spec: SceneSpec, base: Overrides, level: int) -> list[tuple[Reference
     }
     if skin_medium(spec.skin).layers:
         on_off["incidence"] = ("terms.incidence=on", "terms.incidence=off")
+        on_off["curvature"] = ("terms.curvature=on", "terms.curvature=off")
         on_off["beam"] = ("terms.beam=on", "terms.beam=off")
     if level == 2:
         on_off["shadows"] = ("shadows=true", "shadows=false")

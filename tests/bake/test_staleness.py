@@ -83,7 +83,10 @@ PLAIN = {
     "skin": {"model": "gaussians", "variance_mm2": [4.0, 60.0], "weight_rgb": [[0.5, 0.6, 0.7], [0.5, 0.4, 0.3]]},
     "lights": [KEY],
     "diffusion": {"method": "surface", "tolerance": 0.5, "probes": 20},
-    "terms": {name: "off" for name in ("energy_conservation", "incidence", "beam", "interreflection", "transmission")},
+    "terms": {
+        name: "off"
+        for name in ("energy_conservation", "incidence", "beam", "curvature", "interreflection", "transmission")
+    },
     "output": {"dir": "out"},
 }
 LAYER = {"sigma_a_per_mm": [0.1, 0.2, 0.3], "sigma_sp_per_mm": [2.0, 2.5, 3.0], "thickness_mm": 0.3, "g": 0.1}
@@ -123,7 +126,8 @@ BASES = {
     "spot": plain(lights=[SPOT]),
     "constant sky": plain(lights=[{"name": "sky", "type": "environment", "radiance": [1, 2, 3], "samples": 16}]),
     "auto": plain(diffusion={"method": "auto", "tolerance": 0.1, "probes": 20}, terms=PLAIN["terms"] | {
-        "transmission": "on", "interreflection": "on", "incidence": "on", "beam": "on"}, maps={"albedo": "albedo.exr"},
+        "transmission": "on", "interreflection": "on", "incidence": "on", "beam": "on",
+        "curvature": "on"}, maps={"albedo": "albedo.exr"},
         skin={"model": "multipole", "normalise": "none", "layers": [LAYER, DEEP],
               "fit": {"gaussians": 2}}),
     "dipole": plain(skin={"model": "dipole", "sigma_a_per_mm": [0.1, 0.2, 0.3], "sigma_sp_per_mm": [2, 3, 4],
@@ -201,7 +205,7 @@ CHANGES = {
         {"mesh.unit": "cm", "mesh.up": "z", "mesh.front": "-z", "mesh.flip_v": True, "texture.size": [14, 16],
          "texture.gutter": 1, "diffusion.method": "surface", "diffusion.tolerance": 0.3, "diffusion.separate": False,
          "diffusion.probes": 30, "texturing.mode": "post-scatter", "terms.incidence": "off",
-         "terms.beam": "off",
+         "terms.beam": "off", "terms.curvature": "off",
          "terms.interreflection": "off", "terms.transmission": "off", "terms.bounces": 2, "output.precision": "float",
          "output.layout": "single",
          "output.compression": "piz", "output.lights": "total", "output.seed": 1, "output.tx": True,

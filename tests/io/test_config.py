@@ -187,8 +187,8 @@ def test_bare_on_and_off_are_switches(look):
     spec = read(look(LOOK + "terms: {energy_conservation: on, transmission: off}\n"))
     assert (spec.terms.energy_conservation, spec.terms.transmission) == ("on", "off")
     assert (spec.terms.incidence, spec.terms.interreflection, spec.terms.bounces) == ("auto", "auto", 1)
-    spec = read(look(LOOK + "terms: {incidence: on, beam: off, interreflection: off, bounces: 3}\n"))
-    assert spec.terms.beam == "off"
+    spec = read(look(LOOK + "terms: {incidence: on, beam: off, curvature: on, interreflection: off, bounces: 3}\n"))
+    assert (spec.terms.beam, spec.terms.curvature) == ("off", "on")
     assert (spec.terms.incidence, spec.terms.interreflection, spec.terms.bounces) == ("on", "off", 3)
 
 

@@ -71,6 +71,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             self._inputs.key("mesh"),
             spec.diffusion.model_dump(mode="json"),
             spec.terms.transmission,
+            (spec.terms.curvature, skin_medium(spec.skin).identity) if spec.terms.curvature != "off" else None,
             self._albedo_before(),
             self._entering(gaussians),
             self._decided(),

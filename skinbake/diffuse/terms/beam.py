@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, Tiles, uv_jacobian
 from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.punctual_light import emitter, towards
@@ -33,6 +34,7 @@ Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 NARROWEST_PATHS = 0.4  # free paths: narrower lobes are left alone; of 0.1 to 0.8 nearest to walks in two media
 DROP = 1.0  # of the shift, by which the skin there may lie off the tangent plane
+LEAST_SPREAD = 0.5  # of an area: deeper hollows than that would have the beam meet itself
 TURNS = 3  # steps across the texture towards the place
 LOOKED_AT = 24  # one row in so many says how much the shift is worth
 
@@ -85,6 +87,9 @@ class BeamShift:
         Place of the tile in the atlas.
     free_path_mm : ndarray of shape (3,)
     eta : float
+    curvature_per_mm : ndarray of shape (h, w, 3), optional
+        Mean curvature of the tile by channel, of any size, where what it makes of lobes is counted (theory.md 9.8): a
+        beam that enters round skin is spread over more of it further along.
     """
 
     def __init__(
@@ -96,8 +101,10 @@ class BeamShift:
         number: int,
         free_path_mm: Float,
         eta: float,
+        curvature_per_mm: Image | None = None,
     ) -> None:
         height, width = raster.shape
+        self._curvature = curvature_per_mm
         self._raster, self._mesh, self._occluder = raster, mesh, occluder
         self._udim, self._number = udim, number
         self._reach_mm = free_path_mm / eta
@@ -125,6 +132,8 @@ class BeamShift:
         at = np.argwhere(lost)
         if len(at):
             self._read_by_rays(source, rows, at, image, out)
+        if self._curvature is not None:
+            parallel_for(_spread, len(rows), rows, self._skin_under(source), self._curvature, out)
         return out
 
     def _skin_under(self, source: Float) -> _LitSkin:
@@ -327,6 +336,41 @@ def _read_upstream(first, stop, rows, skin, step, image, upstream):  # type: ign
                         weight += w
                 if weight > 1e-3:
                     out[k, col, c] = total / weight
+
+
+@kernel
+def _spread(first, stop, rows, skin, curvature, out):  # type: ignore[no-untyped-def]
+    """Divide light by what its shift makes of an area: 1 + the divergence of the shift, twice the mean curvature times
+    the cosine of incidence times its reach.
+
+    Parameters
+    ----------
+    first, stop : int
+        Which of the rows.
+    rows : ndarray of shape (R,)
+    skin : _LitSkin
+    curvature : ndarray of shape (h, w, 3)
+    out : ndarray of shape (R, W, 3), changed in place
+    """
+    height, width = skin.face_index.shape
+    h, w = curvature.shape[:2]
+    for k in range(first, stop):
+        row = rows[k]
+        for col in range(width):
+            face = skin.face_index[row, col]
+            if face == NO_FACE:
+                continue
+            b1, b2 = np.float64(skin.barycentric[row, col, 0]), np.float64(skin.barycentric[row, col, 1])
+            px, py, pz = facet_point(skin.corner, face, b1, b2)
+            nx, ny, nz = _unit_normal(skin.normals, face, b1, b2)
+            lx, ly, lz, _, _ = towards(skin.source, px, py, pz)
+            cosine = lx * nx + ly * ny + lz * nz
+            if cosine <= 0.0:
+                continue
+            around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
+            for c in range(3):
+                more = 2.0 * bilinear(curvature, c, around) * cosine * skin.reach_mm[c]
+                out[k, col, c] /= np.float32(max(1.0 + more, LEAST_SPREAD))
 
 
 @kernel

@@ -1,0 +1,82 @@
+"""Skin that is not flat: a round form sends back more of the light that entered than a plane does, a hollow less.
+
+Light that has scattered below a convex face finds the face nearer on all sides, and leaves before it is absorbed. The
+equation of diffusion is solved for a ball and for a hollow in a medium, lit from everywhere (theory.md 9.8).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from skinbake.numerics import Float, safe_div
+from skinbake.profile.fresnel import boundary_factor
+from skinbake.profile.gaussian_sum import GaussianSum
+from skinbake.profile.medium import Medium
+
+ROUNDEST = 1.0  # curvature times the depth at which light first scatters: nothing is rounder
+
+
+def first_depth_mm(medium: Medium, eta: float) -> Float:
+    """Mean depth at which light from everywhere first scatters, mm, (C,): a free path times its mean cosine inside."""
+    node, weight = np.polynomial.legendre.leggauss(48)
+    mu, weight = (node + 1) / 2, weight / 2
+    return medium.free_path_mm * float((2 * mu * np.sqrt(1 - (1 - mu**2) / max(eta, 1.0) ** 2) * weight).sum())
+
+
+def curved_gain(medium: Medium, eta: float, curvature_per_mm: Float) -> Float:
+    """What skin of a mean curvature sends back over what a plane does, (n, C).
+
+    Parameters
+    ----------
+    medium : Medium
+    eta : float
+        Index inside over that of the outside.
+    curvature_per_mm : ndarray of shape (n,)
+        1 / radius of a ball, below 0 in a hollow.
+    """
+    depth, kappa = first_depth_mm(medium, eta), medium.sigma_tr_per_mm
+    beyond = medium.extrapolation_mm(boundary_factor(eta))
+    bend = np.clip(curvature_per_mm[:, None], -ROUNDEST / depth, ROUNDEST / depth / 2)
+    round_, hollow = np.maximum(bend, 1e-9), np.minimum(bend, 0)
+    # Chance to leave from the depth, of a ball: sinh(kappa r) / r that solves f + z_b f' = 1 at the face
+    across = 1 / round_
+    inside = np.exp(-kappa * depth) * safe_div(-np.expm1(-2 * kappa * (across - depth)), -np.expm1(-2 * kappa * across))
+    inside = np.where(kappa * across > 1e-6, inside, (across - depth) / across)
+    rising = np.where(kappa * across > 1e-6, kappa / np.tanh(np.maximum(kappa * across, 1e-6)), round_) - round_
+    ball = inside / (1 - depth * round_) / (1 + beyond * rising)
+    # Of a hollow: exp(-kappa r) / r outside it
+    cave = np.exp(-kappa * depth) / (1 - depth * hollow) / (1 + beyond * (kappa - hollow))
+    plane = np.exp(-kappa * depth) / (1 + beyond * kappa)
+    return np.where(bend > 0, ball, cave) / plane
+
+
+def curved_share(gaussians: GaussianSum, medium: Medium, eta: float) -> Float:
+    """How the gain is shared by the Gaussians, (N, 3): a lobe is multiplied by 1 + share (gain - 1).
+
+    What a curved face adds has gone far: narrow lobes have none of it, wide ones several times the mean, and the sum of
+    share times weight is that of the weights.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+    medium : Medium
+    eta : float
+    """
+    frequency = np.concatenate([[0.0], np.geomspace(1e-2, 60.0, 200)])
+    importance = np.sqrt(np.gradient(frequency) * frequency)
+    importance[0] = 30 * importance.max()  # the total
+    blur = np.exp(-0.5 * gaussians.variance_mm2[None] * frequency[:, None] ** 2)
+    depth, beyond = first_depth_mm(medium, eta), medium.extrapolation_mm(boundary_factor(eta))
+    g = np.sqrt(medium.sigma_tr_per_mm**2 + frequency[:, None] ** 2)
+    g = np.maximum(g, 1e-6)
+    # Change of the logarithm of R~ with curvature, to first order
+    waves = 1 - frequency[:, None] ** 2 / (2 * g**2)
+    slope = depth * (waves - frequency[:, None] ** 2 * depth / (2 * g)) + beyond * waves / (1 + beyond * g)
+    share = np.zeros_like(gaussians.weight_rgb)
+    for c in range(share.shape[1]):
+        weight = gaussians.weight_rgb[:, c]
+        wanted = (blur @ weight) * np.maximum(slope[:, c], 0) / slope[0, c] * importance
+        found = nnls(blur * importance[:, None], wanted)[0]
+        share[:, c] = safe_div(found, weight) * safe_div(weight.sum(), found.sum())
+    return share
