@@ -71,7 +71,6 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             self._inputs.key("mesh"),
             spec.diffusion.model_dump(mode="json"),
             spec.terms.transmission,
-            (spec.terms.curvature, skin_medium(spec.skin).identity) if spec.terms.curvature != "off" else None,
             self._albedo_before(),
             self._entering(gaussians),
             self._decided(),
@@ -104,10 +103,10 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         return self._inputs.key("scatter") if "scatter" in self._inputs.skin_maps else None
 
     def _entering(self, gaussians: GaussianSum) -> list[Any]:
-        """What the terms `incidence`, `beam` and `interreflection` read besides the light, its maps and the mesh."""
+        """What the terms `incidence`, `beam`, `curvature` and `interreflection` read besides the light, its maps and the mesh."""
         inputs, spec = self._inputs, self._inputs.spec
         terms, total = spec.terms, (gaussians.weight_rgb.sum(axis=0).tolist(), inputs.key(*inputs.skin_maps))
-        incidence = beam = interreflection = None
+        incidence = beam = curvature = interreflection = None
         if terms.incidence != "off":
             medium = skin_medium(spec.skin)
             incidence = (terms.incidence, medium.identity, medium.why, medium.named, spec.skin.normalise, total)
@@ -115,10 +114,13 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             medium = skin_medium(spec.skin)
             lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()  # what is moved has their share
             beam = (terms.beam, medium.identity, medium.why, lobes)
+        if terms.curvature != "off":
+            medium = skin_medium(spec.skin)
+            curvature = (terms.curvature, medium.identity, medium.why, spec.skin.normalise)
         if terms.interreflection != "off":
             oil = spec.specular.model_dump(mode="json") if inputs.decisions.energy_conservation.enabled else None
             interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))
-        return [incidence, beam, interreflection]
+        return [incidence, beam, curvature, interreflection]
 
     def _decided(self) -> list[Any]:
         """The tolerance's parts, and what the look's own decisions leave of it."""
