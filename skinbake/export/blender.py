@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.api.baked_skin import BakedSkin
+from skinbake.errors import InputError
 from skinbake.export.layers import UDIM, layer_file, layer_names, lobe_layers, weight_file, write_layers
 from skinbake.io.atomic import write_text
 from skinbake.io.exr import Part, rgb_channels, write_parts
@@ -36,7 +37,14 @@ def blender_names(baked: BakedSkin, folder: Path) -> list[str]:
     baked : BakedSkin
     folder : Path
         Of the bake.
+
+    Raises
+    ------
+    InputError
+        Maps vary the reflectance of its oil.
     """
+    if baked.look.maps.f0 is not None and _conserves(folder):
+        raise InputError("export --blender: expected oil of one specular.f0, got maps.f0")
     tiled = [_AFTER] if _after(baked) else []
     plain = [SCRIPT, DATA, MESH]
     if _conserves(folder):

@@ -72,6 +72,7 @@ def read_maps(
         "roughness": _roughness,
         "specular": _factor,
         "cavity": _factor,
+        "f0": partial(_scaled, low=0.0, high=1.0),
         "height": _heights,
         "detail": _normals,
         "scatter": _factor,
@@ -133,6 +134,7 @@ def missing_tiles(spec: MapsSpec, tiles: Sequence[int]) -> list[str]:
         "roughness": "specular.roughness",
         "specular": "a factor of 1",
         "cavity": "a factor of 1",
+        "f0": "specular.f0",
         **{name: f"skin.{name}" for name in OF_SKIN},
     }
     found = []

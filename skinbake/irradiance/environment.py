@@ -21,7 +21,7 @@ FEWEST = 256  # directions behind the oil's share where no shadows are traced
 
 
 def light_environment(
-    surface: TexelSurface, occluder: Occluder, plan: EnvironmentPlan, table: Float, f0: float, out: Image
+    surface: TexelSurface, occluder: Occluder, plan: EnvironmentPlan, table: Float, out: Image
 ) -> None:
     """Irradiance and unshadowed share of a sky, written to `out` (H, W, 4); theory.md 10.3, 10.4.
 
@@ -37,8 +37,6 @@ def light_environment(
     plan : EnvironmentPlan
     table : ndarray
         Albedo of the oil layer; of size 0 where the oil takes nothing off.
-    f0 : float
-        Reflectance of the oil at normal incidence.
     out : ndarray of shape (H, W, 4), float32
     """
     addressed = surface.raster.addressed
@@ -47,10 +45,11 @@ def light_environment(
         normal = surface.smooth_normal.reshape(-1, 3)
         roughness = np.broadcast_to(surface.roughness, addressed.shape).reshape(-1)
         strength = np.broadcast_to(surface.strength, addressed.shape).reshape(-1)
+        f0 = np.broadcast_to(surface.f0, addressed.shape).reshape(-1)
         barrier = occluder if plan.samples else None
 
         def trace(texels: NDArray[np.int64]) -> Image:
-            oil = (roughness[texels], strength[texels], table, f0) if table.size else None
+            oil = (roughness[texels], strength[texels], table, f0[texels]) if table.size else None
             return open_shares(surface.origins(texels), normal[texels], directions, weights, barrier, oil)
 
         coarsest = lattice(surface.raster)

@@ -24,7 +24,7 @@ def open_shares(
     directions: Image,
     weights: Image,
     occluder: Occluder | None,
-    oil: tuple[Image, Image, Float, float] | None = None,
+    oil: tuple[Image, Image, Float, Float] | None = None,
 ) -> Image:
     """Share of R, G, B that arrives and passes the oil, and share of their sum that arrives, (n, 4).
 
@@ -47,7 +47,7 @@ def open_sums(
     directions: Image,
     weights: Image,
     occluder: Occluder | None,
-    oil: tuple[Image, Image, Float, float] | None = None,
+    oil: tuple[Image, Image, Float, Float] | None = None,
 ) -> Float:
     """Light that directions send to points by the cosine, and the part that arrives; each R, G, B and their sum, (n,
     2, 4).
@@ -62,10 +62,10 @@ def open_sums(
         As `SkySamples.draw` gives them.
     occluder : Occluder, optional
         None: nothing is in the way.
-    oil : roughness (n,), strength (n,), table and f0, optional
+    oil : roughness (n,), strength (n,), table and f0 (n,), optional
     """
     zero = np.zeros(len(origin), np.float32)
-    roughness, strength, table, f0 = oil or (zero, zero, NO_OIL, 0.0)
+    roughness, strength, table, f0 = oil or (zero, zero, NO_OIL, np.zeros(len(origin)))
     directions, weights = np.ascontiguousarray(directions.T), np.ascontiguousarray(weights.T)
     out = np.empty((len(origin), 2, 4))
 
@@ -75,7 +75,14 @@ def open_sums(
         clear: NDArray[Any] = np.ones(count, np.bool_)
         if occluder is not None:
             clear = occluder.unhindered(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
-        _sum(clear, normal[part], directions, weights, OilLayer(roughness[part], strength[part], table, f0), out[part])
+        _sum(
+            clear,
+            normal[part],
+            directions,
+            weights,
+            OilLayer(roughness[part], strength[part], table, f0[part]),
+            out[part],
+        )
 
     for_slices(add_up, len(origin), max(1, RAYS // directions.shape[1]))
     return out
@@ -144,7 +151,7 @@ def _sum(
             if share > 0.0:
                 lets = share
                 if oil.table.size > 0:
-                    albedo = albedo_at(oil.table, np.float64(cosine), np.float64(oil.roughness[i]), oil.f0)
+                    albedo = albedo_at(oil.table, np.float64(cosine), np.float64(oil.roughness[i]), oil.f0[i])
                     lets *= min(max(1.0 - oil.strength[i] * albedo, 0.0), 1.0)
                 passed_r, passed_g, passed_b = passed_r + of_r * lets, passed_g + of_g * lets, passed_b + of_b * lets
                 passed += share * (of_r + of_g + of_b)

@@ -97,12 +97,12 @@ def light_texels(
             tell(f"{light.name}, {k + 1} of {len(lights)}")
             casts = shadows if light.shadows is None else light.shadows
             if isinstance(light, RectangleLight):
-                arriving, lit[..., 3] = light_rectangle(surface, occluder, light, casts, table, specular.f0, seed)
+                arriving, lit[..., 3] = light_rectangle(surface, occluder, light, casts, table, seed)
                 np.multiply(arriving[..., None], np.asarray(light.radiance, np.float32), out=lit[..., :3])
             elif isinstance(light, EnvironmentLight):
-                light_environment(surface, occluder, skies[light.name], table, specular.f0, lit)
+                light_environment(surface, occluder, skies[light.name], table, lit)
             else:
-                _light_one(surface, occluder, light, casts, table, specular.f0, lit)
+                _light_one(surface, occluder, light, casts, table, lit)
             kept = rounded(lit)
             found.append(lit.copy() if kept is lit else kept)
         del surface, lit
@@ -121,13 +121,12 @@ def _light_one(
     light: LightSpec,
     casts: bool,
     table: Float,
-    f0: float,
     out: Image,
 ) -> None:
     """Irradiance and unshadowed share of a directional, point or spot light, written to `out` (H, W, 4)."""
     source = emitter(light, occluder.centre_mm)
     arriving, facing = np.empty(out.shape[:2], np.float32), np.empty(out.shape[:2], np.bool_)
-    oil = OilLayer(surface.roughness, surface.strength, table, f0)
+    oil = OilLayer(surface.roughness, surface.strength, table, surface.f0)
     parallel_for(
         unshadowed, len(arriving), source, surface.texels, surface.subdivided, oil, Unshadowed(arriving, facing)
     )

@@ -29,14 +29,14 @@ class OilLayer(NamedTuple):
         Beckmann m, and rho_s.
     table : ndarray of shape (C, M, 2)
         `specular_albedo_table`; of size 0 where the oil takes nothing off.
-    f0 : float
+    f0 : ndarray of shape (H, W), (1, 1) or (n,), float64
         Reflectance at normal incidence.
     """
 
     roughness: NDArray[np.float32]
     strength: NDArray[np.float32]
     table: Float
-    f0: float
+    f0: Float
 
 
 def integrate_specular_albedo(cos_theta: ArrayLike, roughness: ArrayLike, nodes: int = 32) -> Float:

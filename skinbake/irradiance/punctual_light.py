@@ -140,7 +140,8 @@ def unshadowed(
                 # What the oil layer lets through, theory.md 7.1
                 m = roughness[row, col] if rows else roughness[0, 0]
                 rho = strength[row, col] if cols else strength[0, 0]
-                value *= min(max(1.0 - rho * albedo_at(table, cos_mapped, np.float64(m), oil.f0), 0.0), 1.0)
+                f0 = oil.f0[row, col] if oil.f0.shape[0] > 1 else oil.f0[0, 0]
+                value *= min(max(1.0 - rho * albedo_at(table, cos_mapped, np.float64(m), f0), 0.0), 1.0)
             arriving[row, col] = value
 
 

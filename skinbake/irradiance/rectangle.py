@@ -34,7 +34,6 @@ def light_rectangle(
     light: RectangleLight,
     casts: bool,
     table: Float,
-    f0: float,
     seed: int,
 ) -> tuple[Image, Image]:
     """Irradiance of a unit radiance (H, W), without the shadows, and unshadowed share (H, W).
@@ -52,8 +51,6 @@ def light_rectangle(
         Whether anything shadows it.
     table : ndarray
         Albedo of the oil layer; of size 0 where the oil takes nothing off.
-    f0 : float
-        Reflectance of the oil at normal incidence.
     seed : int
     """
     corner = np.asarray(light.position_mm) - occluder.centre_mm
@@ -71,6 +68,7 @@ def light_rectangle(
     normal, smooth = surface.normal.reshape(-1, 3), surface.smooth_normal.reshape(-1, 3)
     roughness = np.broadcast_to(surface.roughness, facing.shape).reshape(-1)
     strength = np.broadcast_to(surface.strength, facing.shape).reshape(-1)
+    f0 = np.broadcast_to(surface.f0, facing.shape).reshape(-1)
 
     def trace(texels: NDArray[np.int64]) -> Image:
         out = np.empty((len(texels), 2), np.float32)
@@ -83,7 +81,7 @@ def light_rectangle(
             sent, passed = np.zeros(count), np.zeros(count)
             panel = _Panel(shape, out_normal, key, grid)
             points = _Points(part, origin, normal[part], smooth[part])
-            oil = OilLayer(roughness[part], strength[part], table, f0)
+            oil = OilLayer(roughness[part], strength[part], table, f0[part])
             parallel_for(_sample, len(part), panel, points, oil, _Rays(ray, reach, sent, passed))
             clear: NDArray[Any] = np.ones(reach.size, np.bool_)
             if casts:
@@ -348,5 +346,5 @@ def _sample(first: int, stop: int, panel: _Panel, points: _Points, oil: OilLayer
             sent[i, s] = cos_mapped * leaving / (distance * distance)
             passed[i, s] = sent[i, s] * bump_terminator(cos_mapped, cos_smooth)
             if table.size > 0:
-                share = 1.0 - strength[i] * albedo_at(table, np.float64(cos_mapped), np.float64(roughness[i]), f0)
+                share = 1.0 - strength[i] * albedo_at(table, np.float64(cos_mapped), np.float64(roughness[i]), f0[i])
                 passed[i, s] *= min(max(share, 0.0), 1.0)

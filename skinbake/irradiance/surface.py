@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,8 @@ class TexelSurface:
         Unit, with and without the normal map; the same array where there is none.
     roughness, strength : ndarrays of shape (H, W) or (1, 1), float32
         Beckmann m, and rho_s times the specular map.
+    f0 : ndarray of shape (H, W) or (1, 1), float64
+        Reflectance of the oil at normal incidence.
     occluder : Occluder
         Positions are computed from its triangles where they are asked for, since most texels never are.
     texel_mm : ndarray of shape (F,)
@@ -58,6 +61,7 @@ class TexelSurface:
     smooth_normal: Image
     roughness: Image
     strength: Image
+    f0: Float
     occluder: Occluder
     texel_mm: Float
     per_texel: Float
@@ -120,6 +124,7 @@ def texel_surface(
         smooth,
         _map_or_constant(raster, mesh, maps.roughness, specular.roughness),
         np.float32(specular.strength) * _map_or_constant(raster, mesh, maps.specular, 1.0),
+        _map_or_constant(raster, mesh, maps.f0, specular.f0, np.float64),
         occluder,
         face_mm_per_texel(mesh, (width, height)).min(axis=1),
         _barycentrics_per_texel(mesh, width, height),
@@ -179,8 +184,19 @@ def _barycentrics_per_texel(mesh: SkinMesh, width: int, height: int) -> Float:
     return np.stack([with_u / width, -with_v / height], axis=1)
 
 
-def _map_or_constant(raster: AtlasRaster, mesh: SkinMesh, images: dict[int, Image], constant: float) -> Image:
-    """Map values (H, W) of the raster's tile, or a constant as (1, 1)."""
+def _map_or_constant(
+    raster: AtlasRaster, mesh: SkinMesh, images: dict[int, Image], constant: float, kind: Any = np.float32
+) -> NDArray[Any]:
+    """Map values (H, W) of the raster's tile, or a constant as (1, 1).
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    mesh : SkinMesh
+    images : dict of int to ndarray
+    constant : float
+    kind : dtype
+    """
     if raster.tile not in images:
-        return np.full((1, 1), constant, np.float32)
-    return sample_map(raster, mesh, images, constant)
+        return np.full((1, 1), constant, kind)
+    return sample_map(raster, mesh, images, constant).astype(kind, copy=False)

@@ -112,6 +112,8 @@ def _tile(
     up = np.array([[[0.0, 0.0, 1.0]]], np.float32)
     add("normal_map", "normals", [maps.normal.get(number, up)], "linear", lossless=True)
     add("roughness_map", "roughness", [maps.roughness.get(number, scene.specular.roughness * one)], "linear", True)
+    if number in maps.f0:
+        add("f0_map", "roughness", [maps.f0[number]], "linear", True)
     add("specular_map", "roughness", [maps.specular.get(number, one)], "linear", True)
     if scene.table is not None:
         images = table_images(scene.table, maps, number)

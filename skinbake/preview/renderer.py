@@ -97,7 +97,10 @@ class SkinRenderer(Renderer):
     def _check_units(self) -> None:
         """Refuse more lobes than this OpenGL has texture units for."""
         needed, units = (
-            len(self.skin.lobes) + (8 if self.skin.open_sky else 7) + (4 if self.skin.table else 0),
+            len(self.skin.lobes)
+            + (8 if self.skin.open_sky else 7)
+            + (4 if self.skin.table else 0)
+            + bool(self.skin.maps.f0),
             int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_IMAGE_UNITS)),
         )
         if needed > units:

@@ -43,6 +43,7 @@ SWITCHES = (
     "NEEDS_OIL_ALBEDO",
     "SKIN_TABLE",
     "SECOND_LOBE",
+    "HAS_F0_MAP",
     "LIGHT_COMES_LATER",
 )
 
@@ -89,6 +90,7 @@ def shader_defines(
         "NEEDS_OIL_ALBEDO": conserving or mirrored,
         "SKIN_TABLE": varies,
         "SECOND_LOBE": second is not None,
+        "HAS_F0_MAP": tile in scene.maps.f0,
         "LIGHT_COMES_LATER": tile in scene.open_sky,
     }
     return (

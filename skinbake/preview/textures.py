@@ -133,6 +133,8 @@ class TileTextures:
             "roughness_map": maps.roughness.get(tile, np.full((1, 1), scene.specular.roughness))[None, ..., None],
             "specular_map": maps.specular.get(tile, np.ones((1, 1)))[None, ..., None],
         }
+        if tile in maps.f0:
+            self._images["f0_map"] = maps.f0[tile][None, ..., None]
         if scene.table is not None:
             self._images |= table_images(scene.table, maps, tile)
         if tile in scene.open_sky:

@@ -149,9 +149,7 @@ def basis_irradiance(
             sky.normal[raster.tile],
             np.ascontiguousarray(sky.towards.T),
         ),
-        _Passage(
-            OilLayer(surface.roughness, surface.strength, passage.oil_albedo, passage.specular.f0), passage.factor_rgb
-        ),
+        _Passage(OilLayer(surface.roughness, surface.strength, passage.oil_albedo, surface.f0), passage.factor_rgb),
         np.ascontiguousarray(light, np.float32),
         out,
     )
@@ -258,10 +256,11 @@ def _let_in(passage, row, col, lets):  # type: ignore[no-untyped-def]
     oil = passage.oil
     roughness = oil.roughness[row, col] if oil.roughness.size > 1 else oil.roughness[0, 0]
     strength = oil.strength[row, col] if oil.strength.size > 1 else oil.strength[0, 0]
+    f0 = oil.f0[row, col] if oil.f0.size > 1 else oil.f0[0, 0]
     for j in range(NODES):
         enters = 1.0
         if oil.table.size > 0:
             cosine = (j / (NODES - 1)) ** 2
-            enters = min(max(1.0 - strength * albedo_at(oil.table, cosine, np.float64(roughness), oil.f0), 0.0), 1.0)
+            enters = min(max(1.0 - strength * albedo_at(oil.table, cosine, np.float64(roughness), f0), 0.0), 1.0)
         for c in range(3):
             lets[j, c] = enters * passage.factor_rgb[j, c]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Image = NDArray[np.float32]
 OF_SKIN = ("radius", "melanin", "haemoglobin", "scatter")  # fields that vary the skin, named as keys of `skin`
-IMAGES = ("albedo", "normal", "roughness", "specular", *OF_SKIN)  # fields that hold an image a tile
+IMAGES = ("albedo", "normal", "roughness", "specular", "f0", *OF_SKIN)  # fields that hold an image a tile
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,8 @@ class SkinMaps:
         Scales the tangent-space slope.
     roughness, specular : dict of int to ndarray of shape (h, w)
         Beckmann m (absolute, 0 ... 1) and factor on rho_s, in which `cavity` is.
+    f0 : dict of int to ndarray of shape (h, w)
+        Reflectance of the oil at normal incidence.
     height_mm : dict of int to ndarray of shape (h, w)
         Outwards; `add_fine_normals` puts what it and `detail` tilt into `normal`.
     detail : DetailNormals, optional
@@ -66,6 +68,7 @@ class SkinMaps:
     normal_strength: float = 1.0
     roughness: dict[int, Image] = field(default_factory=dict)
     specular: dict[int, Image] = field(default_factory=dict)
+    f0: dict[int, Image] = field(default_factory=dict)
     height_mm: dict[int, Image] = field(default_factory=dict)
     detail: DetailNormals | None = None
     scatter: dict[int, Image] = field(default_factory=dict)

@@ -224,6 +224,8 @@ class MapsSpec(Strict):
     """Factor on `specular.strength`."""
     cavity: Map | None = None
     """Where the oil is hidden in pores and folds, 0 to 1: another factor on `specular.strength`."""
+    f0: ScaledMap | None = None
+    """Reflectance of the oil at normal incidence, in place of `specular.f0`."""
     height: HeightMap | None = None
     """Heights of pores and wrinkles, which tilt the normals."""
     detail: DetailMap | None = None
@@ -359,7 +361,7 @@ class SpecularSpec(Strict):
     """Oily layer: `roughness` is Beckmann m, `strength` rho_s (1/pi is the energy-true value)."""
 
     f0: Fraction = 0.028
-    """Reflectance of the oil at normal incidence."""
+    """Reflectance of the oil at normal incidence, where there is no map."""
     roughness: Annotated[float, Field(ge=1e-4, le=1)] = 0.3
     """Beckmann m, where there is no map."""
     strength: Annotated[float, Field(ge=0, le=1000)] = 0.318

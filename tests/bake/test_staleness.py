@@ -43,6 +43,7 @@ NO_BYTES = {
     "maps.height.path": "as mesh.path",
     "maps.detail.path": "as mesh.path",
     "maps.cavity.path": "as mesh.path",
+    "maps.f0.path": "as mesh.path",
     "maps.scatter.path": "as mesh.path",
     "maps.radius.path": "as mesh.path",
     "maps.melanin.path": "as mesh.path",
@@ -109,6 +110,7 @@ BASES = {
             "height": {"path": "rough.exr", "channel": "b", "scale_mm": 1.0, "layer": "one"},
             "detail": {"path": "normal.exr", "repeat": 2, "layer": "one"},
             "cavity": {"path": "rough.exr", "channel": "b", "layer": "one"},
+            "f0": {"path": "rough.exr", "channel": "r", "layer": "one", "scale": 0.1},
             "scatter": {"path": "rough.exr", "channel": "g", "layer": "one"},
             "radius": {"path": "rough.exr", "channel": "r", "layer": "one", "scale": 2.0},
         },
@@ -172,8 +174,9 @@ CHANGES = {
         | of("roughness", kind="ggx", **SCALAR) | of("specular", **SCALAR)
         | of("height", scale_mm=2.0, **(SCALAR | {"channel": "r"}))
         | of("detail", green="directx", encoding="unsigned", strength=0.5, repeat=3, **COLOUR)
+        | of("f0", scale=0.2, **SCALAR)
         | of("cavity", **(SCALAR | {"channel": "r"})) | of("scatter", **SCALAR) | of("radius", scale=1.5, **SCALAR)
-        | {"specular.f0": 0.04, "specular.roughness": 0.5, "specular.strength": 0.2, "specular.second.roughness": 0.1,
+        | {"specular.roughness": 0.5, "specular.strength": 0.2, "specular.second.roughness": 0.1,
            "specular.second.mix": 0.2, "mesh.skin": ["Skin", "Lash"],
            "mesh.cast": [], "mesh.ignore": [], "terms.energy_conservation": "off", "shadows": False},
         {"maps.normal.space": "object", "maps.height": None, "maps.detail": None},
@@ -428,7 +431,7 @@ def test_where_files_lie_and_what_is_only_refused_changes_nothing(tmp_path):
         write_files(folder)
     bakes = Bakes(tmp_path, "head")
     before = bakes("old")
-    roles = ("albedo", "normal", "roughness", "specular", "height", "detail", "cavity", "scatter", "radius")
+    roles = ("albedo", "normal", "roughness", "specular", "height", "detail", "cavity", "f0", "scatter", "radius")
     moved = {f"maps.{role}.path": f"moved/{BASES['head']['maps'][role]['path']}" for role in roles}
     assert not changed_files(before, bakes("new", moved | {"mesh.path": "moved/head.obj"}))
     for base, change in (

@@ -56,10 +56,11 @@ def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
     factor = bilinear(maps.specular[tile][..., None], uv)[:, 0] if tile in maps.specular else 1.0
     rho_s = spec.strength * factor
     albedo = bilinear(maps.albedo[tile], uv) if tile in maps.albedo else np.broadcast_to(maps.albedo_rgb, (len(uv), 3))
+    f0 = bilinear(maps.f0[tile][..., None], uv)[:, 0] if tile in maps.f0 else spec.f0
     cosine, clipped = (n * v).sum(1), np.clip(m, 1e-4, 1)
-    albedo_of_oil = specular_albedo(cosine, clipped, spec.f0)
+    albedo_of_oil = _oil_albedo(cosine, clipped, f0)
     if spec.second is not None:
-        of_second = specular_albedo(cosine, np.full(len(uv), spec.second.roughness), spec.f0)
+        of_second = _oil_albedo(cosine, np.full(len(uv), spec.second.roughness), f0)
         albedo_of_oil = (1 - spec.second.mix) * albedo_of_oil + spec.second.mix * of_second
     reflected = np.clip(rho_s * albedo_of_oil, 0, 1)[:, None]
     color = np.zeros((len(uv), 3))
@@ -96,12 +97,18 @@ def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
                 soft = 1.0
                 if tile in maps.normal:
                     soft = softened(cos, (smooth * to_light).sum(1))
-                f = kelemen_brdf(n, to_light, v, np.clip(m, 1e-4, 1), spec.f0, rho_s)
+                f = kelemen_brdf(n, to_light, v, np.clip(m, 1e-4, 1), f0, rho_s)
                 if spec.second is not None:
-                    other = kelemen_brdf(n, to_light, v, spec.second.roughness, spec.f0, rho_s)
+                    other = kelemen_brdf(n, to_light, v, spec.second.roughness, f0, rho_s)
                     f = (1 - spec.second.mix) * f + spec.second.mix * other
                 color += gains[i] * arriving * (f * np.maximum(cos, 0) * seen * soft)[:, None]
     return color
+
+
+def _oil_albedo(cosine, m, f0):
+    """A(c, m), which is linear in f0: between those of f0 = 0 and f0 = 1."""
+    none, all_of_it = specular_albedo(cosine, m, 0.0), specular_albedo(cosine, m, 1.0)
+    return none + f0 * (all_of_it - none)
 
 
 def _quantities(scene, tile, uv):

@@ -72,8 +72,9 @@ def test_folded_lights_match_as_well(renderer, mode):
         {"half": False, "tiles": 2},
         {"maps": replace(scene().maps, normal_space="object")},
         {"specular": SpecularSpec(f0=0.03, strength=0.3, second=SecondLobeSpec(roughness=0.12, mix=0.3))},
+        {"maps": replace(scene().maps, f0={1001: np.float32([[0.02, 0.09], [0.3, 0.01], [0.05, 0.15]])})},
     ],
-    ids=["post-scatter", "no maps", "two tiles, float", "object space", "second lobe"],
+    ids=["post-scatter", "no maps", "two tiles, float", "object space", "second lobe", "f0 by map"],
 )
 def test_other_scenes_match_as_well(renderer, changes):
     with OffscreenRenderer(scene(**changes)) as other:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Maps = tuple[IrradianceMap, ...]
 Arrays = dict[str, NDArray[Any]]
 _SHAPING = ("mesh", "normal", "height", "detail")  # roles of files that every light depends on
-_OILY = ("roughness", "specular")  # where the oil layer's share is taken off
+_OILY = ("roughness", "specular", "f0")  # where the oil layer's share is taken off
 
 
 class IrradianceStage(Stage[Maps, Maps]):

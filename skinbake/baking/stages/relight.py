@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from skinbake.baking.stages.profile import ProfileStage
     from skinbake.pipeline import StageTimer
 
-_READ = ("mesh", "albedo", "normal", "height", "detail", "roughness", "specular")  # roles of files
+_READ = ("mesh", "albedo", "normal", "height", "detail", "roughness", "specular", "f0")  # roles of files
 
 
 class RelightStage(Stage[Transfer, Transfer]):

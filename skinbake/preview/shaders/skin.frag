@@ -34,6 +34,9 @@ uniform sampler2DArray specular_map;
 uniform sampler2DArray oil_albedo;        // rows sqrt(N.V), columns sqrt(m); f0 * red + green
 uniform float normal_strength;
 uniform float f0;
+#ifdef HAS_F0_MAP
+uniform sampler2DArray f0_map;
+#endif
 uniform float strength;
 
 uniform int light_kind[N_LIGHTS];
@@ -100,12 +103,12 @@ float bump_terminator(float cos_mapped, float cos_smooth)
 }
 
 // A(c, m) for rho_s = 1, theory.md 6.4
-float specular_albedo(float c, float m)
+float specular_albedo(float c, float m, float f0_here)
 {
     vec2 size = vec2(textureSize(oil_albedo, 0).xy);
     vec2 at = sqrt(clamp(vec2(m, c), 0.0, 1.0)) * (size - 1.0) + 0.5;
     vec2 split = texture(oil_albedo, vec3(at / size, 0.0)).rg;
-    return f0 * split.r + split.g;
+    return f0_here * split.r + split.g;
 }
 
 // Beckmann's slopes in log form, theory.md 6.7
@@ -116,7 +119,7 @@ float beckmann(float sine, float n_dot_h, float m)
 }
 
 // Kelemen/Szirmay-Kalos, theory.md 6.7, for rho_s = 1; `second` is the width of another lobe, where there is one
-float oil_brdf(vec3 n, vec3 l, vec3 v, float m, float second)
+float oil_brdf(vec3 n, vec3 l, vec3 v, float m, float second, float f0_here)
 {
     vec3 h = l + v;
     float h_squared = dot(h, h);
@@ -127,7 +130,7 @@ float oil_brdf(vec3 n, vec3 l, vec3 v, float m, float second)
     vec3 sine = cross(n, half_vector);  // 1 - (N.H)^2 would be granular for small m
     float grazing = clamp(1.0 - dot(v, half_vector), 0.0, 1.0);
     float squared = grazing * grazing;
-    float fresnel = f0 + (1.0 - f0) * squared * squared * grazing;
+    float fresnel = f0_here + (1.0 - f0_here) * squared * squared * grazing;
     float slopes = beckmann(length(sine), n_dot_h, m);
 #ifdef SECOND_LOBE
     slopes = mix(slopes, beckmann(length(sine), n_dot_h, second), SECOND_MIX);
@@ -170,9 +173,13 @@ void main()
     vec3 n = shading_normal(smooth_normal);
     vec3 v = normalize(cam_pos - frag_position);
     float m = clamp(texture(roughness_map, vec3(frag_uv, 0.0)).r, ROUGHNESS_MIN, 1.0);
+    float f0_here = f0;
+#ifdef HAS_F0_MAP
+    f0_here = texture(f0_map, vec3(frag_uv, 0.0)).r;
+#endif
     float rho_s = strength * texture(specular_map, vec3(frag_uv, 0.0)).r;
 #ifdef NEEDS_OIL_ALBEDO
-    float reflected = clamp(rho_s * specular_albedo(dot(n, v), m), 0.0, 1.0);
+    float reflected = clamp(rho_s * specular_albedo(dot(n, v), m, f0_here), 0.0, 1.0);
 #endif
     vec3 color = vec3(0.0);
 
@@ -250,7 +257,7 @@ void main()
 #ifdef HAS_NORMAL_MAP
             seen *= bump_terminator(n_dot_l, dot(smooth_normal, l));
 #endif
-            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, width, second));
+            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, width, second, f0_here));
         }
     }
 #endif
