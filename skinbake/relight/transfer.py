@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, Tiles, rasterize
 from skinbake.diffuse.light_entering import reference_reflectance
+from skinbake.diffuse.memory import memory_needed_bytes
+from skinbake.errors import MachineError
 from skinbake.irradiance.environment_share import NO_OIL
 from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant, decide_incidence, slant_of
+from skinbake.machine import physical_memory_bytes
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium
@@ -103,6 +106,11 @@ def make_transfer(
         As in `light_entering`.
     say : callable
         Told in words what begins.
+
+    Raises
+    ------
+    MachineError
+        More memory is needed than there is.
     """
     relight = spec.relight
     assert relight is not None
@@ -123,6 +131,7 @@ def make_transfer(
     say(f"relighting: {len(basis)} textures")
     udim, texture = spec.texture.udim, full.texture
     atlas = rasterize(scene.mesh, texture.size, texture.gutter, udim)
+    _check_memory(full, len(basis), len(atlas), len(gaussians.variance_mm2))
     scattering = Scattering(full, decisions, scene, atlas, gaussians, medium, slant, say)
     textures = _scattered(scattering, atlas, scene, sky, passage, basis, say)
     lines += scattering.lines
@@ -137,6 +146,31 @@ def make_transfer(
     # What they leave wrong is in the measured error, and no part of what lights of the look may be wrong by
     plan = tuple(replace(line, error=0.0) for line in lines)
     return Transfer(basis, textures, visibility_harmonics(sky), error, small.texture.size, plan)
+
+
+def _check_memory(spec: SceneSpec, textures: int, tiles: int, lobes: int) -> None:
+    """Refuse early what this machine cannot hold.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+        Of the textures' size.
+    textures, tiles, lobes : int
+
+    Raises
+    ------
+    MachineError
+        With the memory it would need and what to change.
+    """
+    width, height = spec.texture.size
+    blurred = memory_needed_bytes((height, width), AT_ONCE, tiles, lobes, spec.diffusion.method)
+    needed, there = (textures + 1) * 12 * width * height * tiles + blurred, physical_memory_bytes()
+    if needed > there:
+        raise MachineError(
+            f"relighting by {textures} textures of {tiles} x {width} x {height} texels needs about "
+            f"{needed / 2**30:.0f} GiB of memory, this machine has {there / 2**30:.0f} GiB: lower relight.size or "
+            "relight.textures"
+        )
 
 
 def _slant(

@@ -1,0 +1,94 @@
+"""Relighting: error on lights unseen against the number of textures, by both bases.
+
+`python -m tests.bench.bench_relight LOOK CHART.png` also draws it, of another look.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from skinbake.baking.incidence_table import incidence_table
+from skinbake.io.config import load_look
+from skinbake.io.scene_files import read_scene
+from skinbake.irradiance.decide import decide
+from skinbake.profile import fit_skin
+from skinbake.profile.skin_medium import skin_medium
+from skinbake.relight import transfer
+from skinbake.relight.basis import LightBasis
+from skinbake.relight.judge_basis import judge_bases
+from tests.conftest import ROOT
+
+COUNTS = (9, 16, 25, 36, 49)
+KINDS = ("skies", "soft_boxes", "suns")
+
+
+def run(quick: bool, look: Path = ROOT / "configs" / "head.yaml") -> list[dict]:
+    """Rms of each kind of light, a row a basis and number of textures."""
+    spec = load_look(look, ["texture.size=512" if quick else "texture.size=1024"])
+    medium = skin_medium(spec.skin)
+    incidence = incidence_table(medium) if medium.layers else None
+    rows: list[dict] = []
+    judged = transfer.judge_basis
+    kept: list = []
+
+    def judge(bake, basis, textures, lights, say):
+        """The prefixes of both bases by the same bakes, once both are there."""
+        kept.append((basis, textures))
+        if len(kept) == 2:
+            lights = lights[::4] if quick else lights
+            cut = [_first(*each, count) for each in kept for count in COUNTS]
+            for (one, _), errors in zip(cut, judge_bases(bake, cut, lights), strict=True):
+                figures = {kind: round(100 * error.rms, 2) for kind, error in errors.items()}
+                rows.append({"name": f"{len(one)} {one.kind}", **{f"{k}_percent": v for k, v in figures.items()}})
+        return {}
+
+    transfer.judge_basis = judge
+    try:
+        for kind in ("harmonics", "fitted"):
+            relight = {"textures": max(COUNTS), "basis": kind, "size": 256, "tolerance": 1e-6}
+            each = load_look(look, ["texture.size=256", f"relight={relight}".replace("'", "")])
+            scene = read_scene(each)
+            transfer.make_transfer(each, decide(each), scene, fit_skin(spec.skin, None).gaussians, medium, incidence)
+    finally:
+        transfer.judge_basis = judged
+    return rows
+
+
+def _first(basis: LightBasis, textures: dict, count: int) -> tuple[LightBasis, dict]:
+    """The first lights of a basis, with their textures."""
+    size = count if basis.kind == "harmonics" else basis.of_harmonics.shape[1]
+    cut = replace(basis, of_harmonics=basis.of_harmonics[:count, :size], radiance=basis.radiance[:size, :count])
+    return cut, {tile: image[:count] for tile, image in textures.items()}
+
+
+def chart(rows: list[dict], path: Path, title: str) -> None:
+    """Error against the number of textures, a line a basis and kind of light."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7.2, 4.2), dpi=110)
+    colours = {"skies": "#2a6fb0", "soft_boxes": "#c9822b", "suns": "#a93226"}
+    words = {"skies": "skies", "soft_boxes": "soft boxes of 10°", "suns": "hard suns"}
+    for kind in KINDS:
+        for basis, style in (("fitted", "-o"), ("harmonics", "--s")):
+            mine = [row for row in rows if row["name"].endswith(basis)]
+            counts, rms = [int(row["name"].split()[0]) for row in mine], [row[f"{kind}_percent"] for row in mine]
+            axes.plot(counts, rms, style, color=colours[kind], markersize=4, label=f"{words[kind]}, {basis}")
+    axes.set(xlabel="textures", ylabel="error on lights unseen, % rms", xticks=COUNTS, yscale="log", title=title)
+    ticks = [1, 2, 3, 5, 8, 12, 20]
+    axes.set_yticks(ticks, [str(tick) for tick in ticks])
+    axes.minorticks_off()
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.14), frameon=False)
+    figure.savefig(path, bbox_inches="tight", metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    found = run(False, Path(sys.argv[1]))
+    for line in found:
+        print(line)
+    chart(found, Path(sys.argv[2]), Path(sys.argv[1]).stem.replace("_", " "))
