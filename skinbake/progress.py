@@ -214,6 +214,8 @@ class Progress:
         foreseen = inner is outer or inner in within
         at = now if foreseen else now - inner.spent(now)  # for the others, time stands still meanwhile
         begun = {task.name for task in within}
+        if any(task.left(at) is None for task in within):  # a part of which nobody knows how long it takes
+            return words, None, None
         left = sum(seconds for name, seconds in outer.parts.items() if name not in begun) * outer.pace
         left += sum(task.left(at) or 0.0 for task in within)
         spent = outer.spent(at)

@@ -115,6 +115,8 @@ def test_the_bar_never_goes_back_and_learns_from_the_parts(monkeypatch):
             assert part.seconds == 10.0
             now[0] += 5
             assert shown._state(now[0]) == ("a", 5 / 40, 35.0)
+            with shown.task("of unknown length"):
+                assert shown._state(now[0]) == ("of unknown length", None, None)
             with shown.task("compiling", apart=True):
                 now[0] += 100
                 assert shown._state(now[0])[2] is None

@@ -36,7 +36,8 @@ def diffuse_file(spec: SceneSpec, irradiance: str, force: bool = False, verbosit
     bake = folder_bake(_as_large_as(Path(irradiance), spec), force, verbosity)
     path = Path(re.sub(r"\.[1-9]\d{3}(?=\.\w+$)", "", irradiance) if udim else irradiance)
     paths = {tile: tile_path(path, tile, udim) for tile in bake.inputs.tiles}
-    maps = tuple(read_irradiance(file, tile, bake.inputs.spec.texture.size) for tile, file in paths.items())
+    with bake.log.progress.task("reading the light"):
+        maps = tuple(read_irradiance(file, tile, bake.inputs.spec.texture.size) for tile, file in paths.items())
     given = GivenIrradiance(maps, [sha256_of(file) for file in paths.values()], bake.inputs, bake.log)
     stages = bake.stages(given)
     expected = expected_seconds(bake.inputs, stages, asked=STAGES - {"preview", "irradiance"})

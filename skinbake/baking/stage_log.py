@@ -86,7 +86,7 @@ class StageLog:
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds
         self.reused[name] = reused()
         self.on_event({"event": "stage end", "stage": name, "seconds": seconds, "reused": self.reused[name]})
-        self.say(f"  {name:<12}" + ("as it was" if self.reused[name] else f"{seconds:6.2f} s"))
+        self.say(f"  {WORDS.get(name, name):<30}" + ("as it was" if self.reused[name] else f"{seconds:6.2f} s"))
 
     def whole(self, name: str, seconds: Mapping[str, float]) -> AbstractContextManager[Task]:
         """Show the stages within the block as parts of one wait.

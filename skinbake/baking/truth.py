@@ -103,18 +103,19 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
     InputError
         The mesh is open, or the skin has no medium that light could be followed through.
     """
-    look = bare_look(spec)
+    look, progress = bare_look(spec), Progress(verbosity > 0)
     medium = medium_of_skin(look.skin)
-    scene = read_scene(look, rays=False)
-    refuse_open(scene.mesh, look.mesh.path)
-    rays = SurfaceRays(smooth_surface(scene.mesh))
-    at = draw_points(scene.mesh, rays, look.lights, points, look.output.seed)
+    with progress.task("reading the mesh"):
+        scene = read_scene(look, rays=False)
+        refuse_open(scene.mesh, look.mesh.path)
+        rays = SurfaceRays(smooth_surface(scene.mesh))
+        at = draw_points(scene.mesh, rays, look.lights, points, look.output.seed)
     share = None
     if decide(look).energy_conservation.enabled:
         oil = look.specular
         share = transmitted_share(np.linspace(0, 1, SHARE_NODES), oil.roughness, oil.f0, oil.strength, oil_table(oil))
 
-    progress, folder = Progress(verbosity > 0), Path(look.output.dir)
+    folder = Path(look.output.dir)
     key = key_of(
         code_digest("skinbake.transport.light_leaving", "skinbake.transport.points"), input_hashes(look),
         look.mesh.model_dump(),
