@@ -718,7 +718,7 @@ TARGETS = {
     "gltf": Target(lambda: mesh_seeds(".gltf"), damage_json, read_any_mesh),
     "exr": Target(exr_seeds, damage_binary, read_exr),
     "image": Target(image_seeds, damage_binary, read_image),
-    "relight": Target(lambda: ((".json", _transfer_files()["relight.json"]),), damage_json, read_transfer),
+    "transfer": Target(lambda: ((".json", _transfer_files()["relight.json"]),), damage_json, read_transfer),
     "report": Target(report_seeds, damage_json, read_report),
     "profile": Target(profile_seeds, damage_json, read_profile),
     "lobe": Target(lobe_seeds, damage_json, read_lobe_header),
