@@ -93,7 +93,10 @@ class BakeInputs:
             A file is missing or unusable, or was changed since it was hashed.
         """
         if self._scene is None:
-            as_written = self.spec.model_dump(mode="json", include={"mesh", "occluders", "maps"})
+            as_written = (
+                self.spec.model_dump(mode="json", include={"mesh", "occluders", "maps"}),
+                self.spec.specular.roughness,  # widened by details that are finer than the texture
+            )
             key = key_of(self.key("albedo", *(role for role in self.digests if role != "skin")), as_written)
             self._scene = self._session.peek("scene", key) or self._session.put("scene", key, self._read())
         return self._scene

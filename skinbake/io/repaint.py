@@ -41,7 +41,7 @@ def repaint(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps) -> SkinMaps:
     """
     painted = painted_mesh(mesh)
     tiles = tiles_of(painted, spec.texture.udim)
-    maps = add_fine_normals(maps, painted, spec.texture.size, tiles, spec.texture.udim)
+    maps = add_fine_normals(maps, painted, spec.texture.size, tiles, spec.texture.udim, spec.specular.roughness)
     if mesh.map_uv is None or not any(getattr(maps, name) for name in IMAGES):
         return maps
     if mesh.map_uv.min() < -1e-6 or mesh.map_uv.max() > 1 + 1e-6:

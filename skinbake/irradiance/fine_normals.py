@@ -14,11 +14,17 @@ from skinbake.scene.maps import DetailNormals, SkinMaps
 from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
+LOST = 1e-6  # variance of slopes that no eye sees: a roughness of 0.1 becomes 0.100005
 GUTTER = 4  # texels beside the charts that get slopes as well, for whoever reads between texels
 
 
 def add_fine_normals(
-    maps: SkinMaps, mesh: SkinMesh, size: tuple[int, int], tiles: Sequence[int], udim: bool
+    maps: SkinMaps,
+    mesh: SkinMesh,
+    size: tuple[int, int],
+    tiles: Sequence[int],
+    udim: bool,
+    constant_roughness: float = 0.3,
 ) -> SkinMaps:
     """Put what heights and details tilt into the tangent-space normal map: slopes add up.
 
@@ -32,15 +38,22 @@ def add_fine_normals(
     tiles : sequence of int
         UDIM tiles of the mesh.
     udim : bool
+    constant_roughness : float
+        Where there is no roughness map.
 
     Returns
     -------
     SkinMaps
-        Without heights and details, `normal_strength` 1 and used up; unchanged where there is neither.
+        Without heights and details, `normal_strength` 1 and used up; unchanged where there is neither. Slopes of the
+        detail that are finer than the texture's texels widen the oil's roughness by their variance, theory.md 6.8.
+
+    References
+    ----------
+    [Olano2010]
     """
     if not maps.height_mm and maps.detail is None:
         return maps
-    normal = {}
+    normal, roughness = {}, dict(maps.roughness)
     for tile in tiles:
         base, height_mm = maps.normal.get(tile), maps.height_mm.get(tile)
         shapes = [image.shape[:2] for image in (base, height_mm) if image is not None]
@@ -49,13 +62,19 @@ def add_fine_normals(
         if base is not None:
             slope += np.float32(maps.normal_strength) * _bilinear(slopes_of(base), shape)
         if maps.detail is not None:
-            slope += np.float32(maps.detail.strength) * _repeated(maps.detail, shape)
+            fine, lost = _repeated(maps.detail, shape)
+            slope += np.float32(maps.detail.strength) * fine
+            if lost.max() > LOST:
+                m = maps.roughness.get(tile, np.full((1, 1), constant_roughness, np.float32))
+                m = _bilinear(m[..., None], shape)[..., 0]
+                widened = np.sqrt(m * m + np.float32(maps.detail.strength) ** 2 * lost)
+                roughness[tile] = np.minimum(widened, 1).astype(np.float32)
         if height_mm is not None:
             (raster,) = (r for r in rasterize(mesh, shape[::-1], GUTTER, udim) if r.tile == tile)
             slope -= _height_slopes(height_mm, mesh, raster)
         length = np.sqrt(1 + (slope * slope).sum(axis=2, keepdims=True))
         normal[tile] = np.concatenate([slope, np.ones_like(slope[..., :1])], axis=2) / length
-    return replace(maps, normal=normal, normal_strength=1.0, height_mm={}, detail=None)
+    return replace(maps, normal=normal, normal_strength=1.0, height_mm={}, detail=None, roughness=roughness)
 
 
 def slopes_of(normal: Image) -> Image:
@@ -72,15 +91,22 @@ def _bilinear(image: Image, shape: tuple[int, int]) -> Image:
     return _at(image, row / shape[0], col / shape[1], "nearest")
 
 
-def _repeated(detail: DetailNormals, shape: tuple[int, int]) -> Image:
-    """Slopes of a patch that is repeated over the tile, averaged where its texels are finer than the tile's."""
+def _repeated(detail: DetailNormals, shape: tuple[int, int]) -> tuple[Image, Image]:
+    """Slopes of a patch that is repeated over the tile, averaged where its texels are finer than the tile's, (H, W, 2),
+    and the sum of both slopes' variances that the average has lost, (H, W).
+    """
     slope = slopes_of(detail.normal)
+    squares = slope * slope
     (along_u, along_v), (height, width) = detail.repeat, slope.shape[:2]
     finest = max(1, round(shape[0] / along_v)), max(1, round(shape[1] / along_u))
-    slope = shrink(slope, (min(height, finest[0]), min(width, finest[1])))
+    small = min(height, finest[0]), min(width, finest[1])
+    slope, squares = shrink(slope, small), shrink(squares, small)
+    lost = np.maximum((squares - slope * slope).sum(axis=2, keepdims=True), 0)
     row, col = np.meshgrid(*(np.arange(n) + 0.5 for n in shape), indexing="ij")
     # The patch's lower left corner lies at (0, 0): v grows upwards, its rows downwards
-    return _at(slope, -(1 - row / shape[0]) * along_v, col / shape[1] * along_u, "grid-wrap")
+    both = np.concatenate([slope, lost], axis=2)
+    read = _at(both, -(1 - row / shape[0]) * along_v, col / shape[1] * along_u, "grid-wrap")
+    return read[..., :2], np.maximum(read[..., 2], 0)
 
 
 def _at(image: Image, down: Float, across: Float, beyond: str) -> Image:

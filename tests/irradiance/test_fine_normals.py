@@ -109,3 +109,20 @@ def test_without_either_nothing_changes():
     """The very same maps, and those that are left as they were."""
     maps = SkinMaps(normal={1001: np.ones((2, 2, 3), np.float32)})
     assert add_fine_normals(maps, quad(), SIZE, (1001,), False) is maps
+
+
+def test_slopes_finer_than_a_texel_widen_the_oil():
+    """A detail eight times as fine as the texture leaves the normals flat, and adds its slopes' variance to m^2; one
+    that the texture resolves adds nothing.
+    """
+    rng = np.random.default_rng(3)
+    slope = rng.normal(0, 0.2, (32, 32, 2)).astype(np.float32)
+    slope -= slope.mean(axis=(0, 1))
+    patch = np.concatenate([slope, np.ones_like(slope[..., :1])], axis=2)
+    detail = DetailNormals(patch, (32.0, 32.0), 0.5)  # 32 x 32 texels in one of the texture's
+    found = add_fine_normals(SkinMaps(detail=detail), quad(60, 60), (32, 32), (1001,), False, 0.25)
+    np.testing.assert_allclose(found.normal[1001], np.broadcast_to([0, 0, 1], (32, 32, 3)), atol=1e-5)
+    wanted = np.sqrt(0.25**2 + 0.25 * (slope**2).sum(axis=2).mean())
+    np.testing.assert_allclose(found.roughness[1001], wanted, rtol=1e-4)
+    coarse = DetailNormals(patch, (1.0, 1.0), 0.5)
+    assert not add_fine_normals(SkinMaps(detail=coarse), quad(60, 60), (64, 64), (1001,), False, 0.25).roughness
