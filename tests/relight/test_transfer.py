@@ -24,5 +24,5 @@ def test_textures_have_the_look_s_proportions(baked):
 def test_what_does_not_fit_is_refused(baked, monkeypatch):
     """With what it needs and what to change."""
     monkeypatch.setattr(transfer, "physical_memory_bytes", lambda: 2**20)
-    with pytest.raises(MachineError, match="lower relight.size or relight.textures"):
+    with pytest.raises(MachineError, match=r"lower relight\.size or relight\.textures"):
         baked("relight.textures=9")
