@@ -9,6 +9,7 @@ from typing import NamedTuple
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.methods import IDENTITY
 from skinbake.pipeline import Baked
+from skinbake.scene.budget import FIT
 from skinbake.scene.decision import Decision
 
 HEAD = ("what", "how", "seconds", "error")
@@ -71,11 +72,11 @@ def plan_rows(baked: Baked, parts: Mapping[str, float]) -> list[Row]:
     if error:
         how = f"method {_percent(error.method)}, storage {_percent(error.storage)}, {error.probes} probes"
         rows.append(Row("the blur", how, measured, error.rms, "planned and measured"))
-    fit = float(max(baked.gaussians.relative_error_rgb, default=0.0))
-    rows.append(Row("fit", f"{len(baked.gaussians.variance_mm2)} Gaussians", None, fit, "of the profile"))
+    if FIT in plan:
+        rows.append(Row("fit", f"{plan[FIT].how}, by `skin.fit`", None, plan[FIT].error, "beside the sum"))
     if baked.left_wrong is not None:
         total = f"of {_percent(baked.decisions.budget.tolerance)}"
-        rows.append(Row("all", "but the model: `skinbake truth` measures that", None, baked.left_wrong, total))
+        rows.append(Row("all", "but fit and model (`skinbake truth`)", None, baked.left_wrong, total))
     return rows
 
 

@@ -23,6 +23,7 @@ from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
 from skinbake.diffuse.terms.beam import BeamLight
 from skinbake.profile.gaussian_sum import GaussianSum
+from skinbake.scene.budget import FIT
 from skinbake.scene.decision import Decision
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -127,7 +128,7 @@ def diffuse(
         decisions.append(Decision("second plan", True, why))
 
     if spec.probes:
-        decisions += squeezed_skin(geometry)
+        decisions += [_fit(gaussians, made.blurs), *squeezed_skin(geometry)]
     met = made.error is None or made.error.rms <= spec.tolerance
     return DiffuseMap(
         lights=lights,
@@ -138,6 +139,22 @@ def diffuse(
         advice="" if met or made.error is None else advice(spec, made.error, precision),
         worst_mm=None if made.worst is None else probes.position[made.worst].astype(np.float64) + geometry.centre_mm,
     )
+
+
+def _fit(gaussians: GaussianSum, blurs: float) -> Decision:
+    """What the fit of the profile leaves wrong: its relative error, of the part of the light that is blurred.
+
+    M - E = int R (E(x') - E(x)) dA: a profile that is wrong by a share changes what the blur does by that share.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+    blurs : float
+        Rms of what the blur does, as a share of the light that leaves.
+    """
+    fit = gaussians.fit_error
+    why = f"skin.fit is off by {fit:.2%} of what the blur does, which is {blurs:.1%} of the light (rms)"
+    return Decision(FIT, True, why, fit * blurs, f"{len(gaussians.variance_mm2)} Gaussians")
 
 
 def _lobes(

@@ -9,10 +9,10 @@ import numpy as np
 
 from skinbake.atlas import Tiles
 from skinbake.diffuse.diffuse_map import MeasuredError
-from skinbake.diffuse.error import measure_error, weighted_sum
+from skinbake.diffuse.error import measure_error, relative_rms, weighted_sum
 from skinbake.diffuse.memoize import Memoizer
 from skinbake.diffuse.methods import REFERENCE, LobeParameters, LobePlan
-from skinbake.diffuse.probes import Probes, read_at_probes
+from skinbake.diffuse.probes import Probes, light_at_probes, read_at_probes
 from skinbake.diffuse.resources import Resource
 from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.texture_space.blur import level_size
@@ -32,12 +32,15 @@ class MadeLobes(NamedTuple):
         Of each lobe alone.
     worst : int, optional
         Number of the probe at which the sum is most wrong.
+    blurs : float
+        Rms at the probes of what the blur does, as a share of the light that leaves.
     """
 
     tiles: list[Tiles]
     error: MeasuredError | None
     by_lobe: list[MeasuredError | None]
     worst: int | None = None
+    blurs: float = 0.0
 
 
 def make_lobes(
@@ -96,7 +99,9 @@ def make_lobes(
     stored, unreduced_sum, want = (weighted_sum(values, weight_rgb) for values in (*found, exact))
     worst = int(np.abs(stored - want).max(axis=1).argmax())
     by_lobe: list[MeasuredError | None] = [measure_error(*each) for each in zip(*found, exact, strict=True)]
-    return MadeLobes(tiles, measure_error(stored, unreduced_sum, want), by_lobe, worst)
+    arrived = light_at_probes(memoizer.resources.source, probes)
+    blurs = relative_rms(weighted_sum([arrived] * len(plans), weight_rgb), want)
+    return MadeLobes(tiles, measure_error(stored, unreduced_sum, want), by_lobe, worst, blurs)
 
 
 def _check_size(name: str, made: Tiles, source: Tiles, level: int) -> None:

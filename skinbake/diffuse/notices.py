@@ -8,6 +8,7 @@ from skinbake.diffuse.diffuse_map import MeasuredError
 from skinbake.diffuse.draw_probes import squeezed_share
 from skinbake.diffuse.methods import RAISE_SIZE, method_asked_for
 from skinbake.diffuse.skin_geometry import SkinGeometry
+from skinbake.scene.budget import FIT
 from skinbake.scene.decision import Decision
 from skinbake.scene.spec import DiffusionSpec
 
@@ -38,7 +39,7 @@ def too_much(plan: Sequence[Decision], left_wrong: float, tolerance: float) -> s
     plan : sequence of Decision
     left_wrong, tolerance : float
     """
-    largest = max(plan, key=lambda line: line.error)
+    largest = max((line for line in plan if line.term != FIT), key=lambda line: line.error)
     return (
         f"all that is left wrong comes to {100 * left_wrong:.3g}%, tolerance {100 * tolerance:.3g}%; the largest part "
         f"is {largest.term} with {100 * largest.error:.3g}%: set it yourself, or raise the tolerance"

@@ -12,6 +12,8 @@ from skinbake.io.atomic import write_text
 from skinbake.io.weight_table import KEY, table_csv, table_of_record, table_record
 from skinbake.profile import Evaluated, FitReport, GaussianSum
 
+EDGES = "edge_error_rgb"  # in profile.json
+
 
 def profile_record(values: Evaluated) -> dict[str, Any]:
     """A profile at some radii as plain lists, keys as the `profile` verb prints them."""
@@ -58,6 +60,7 @@ def fit_record(report: FitReport) -> dict[str, Any]:
         "tolerance": report.tolerance,
         "tolerance_met": report.tolerance_met,
         **({} if footprint == 0 else {"footprint_mm": footprint}),
+        **({} if gaussians.edge_error_rgb is None else {EDGES: gaussians.edge_error_rgb.tolist()}),
         **({} if noise is None else {"noise_rgb": noise.tolist()}),
         **({} if gaussians.table is None else {KEY: table_record(gaussians.table)}),
     }
@@ -107,7 +110,9 @@ def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
         if record["key"] != key:
             return None
         told = [np.array(record[name], np.float64) for name in ("relative_error_rgb", "energy_rgb")]
-        if any(values.shape != (3,) or not np.isfinite(values).all() for values in told):
+        edges = np.array(record[EDGES], np.float64) if EDGES in record else None
+        checked = told if edges is None else [*told, edges]
+        if any(values.shape != (3,) or not np.isfinite(values).all() for values in checked):
             return None
         variance = np.array(record["variance_mm2"], np.float64)
         return GaussianSum(
@@ -118,6 +123,7 @@ def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
             str(record["model"]),
             str(record["normalise"]),
             table_of_record(record.get(KEY), len(variance)),
+            edges,
         )
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None

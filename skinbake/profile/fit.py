@@ -10,6 +10,7 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.numerics import Float, safe_div
 from skinbake.profile.diffusion_profile import DiffusionProfile
+from skinbake.profile.edge_error import edge_error
 from skinbake.profile.fit_report import FitReport
 from skinbake.profile.fit_table import TableFitter, with_identity
 from skinbake.profile.from_skin import given_gaussians, profile_of
@@ -157,7 +158,8 @@ def fit_report(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white"
     if isinstance(profile, GaussianProfile) and profile.gaussians.variance_mm2[0] == 0:
         raise InputError("variance_mm2: expected values > 0 to fit again, a Gaussian of variance 0 is a delta")
     try:
-        fitter = Fitter(profile.fit_nodes(), exact_energy=fit.energy == "exact", signed=fit.signed)
+        nodes = profile.fit_nodes()
+        fitter = Fitter(nodes, exact_energy=fit.energy == "exact", signed=fit.signed)
     except ValueError as error:
         raise InputError(str(error)) from error
     energy = profile.total_reflectance
@@ -167,7 +169,10 @@ def fit_report(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white"
     else:
         found, met = _fewest(fitter, fit.tolerance)
     weight = white_weights(found.weight, energy, normalise)
-    gaussians = GaussianSum(found.variance_mm2, weight, found.error, energy, profile.model, normalise)
+    edges = edge_error(nodes, found.variance_mm2, found.weight)
+    gaussians = GaussianSum(
+        found.variance_mm2, weight, found.error, energy, profile.model, normalise, edge_error_rgb=edges
+    )
     return FitReport(gaussians, profile, fit.tolerance, met)
 
 

@@ -29,6 +29,8 @@ class GaussianSum:
         Where the profile came from ("dipole", "gaussians", ...) and "white" or "none".
     table : WeightTable, optional
         Weights that differ over the skin; `weight_rgb` is then that of the maps' mean values.
+    edge_error_rgb : ndarray of shape (3,), optional
+        Error of the fit as edges of light see it (`skinbake.profile.edge_error`); None where nobody has looked.
     """
 
     variance_mm2: Float
@@ -38,6 +40,7 @@ class GaussianSum:
     model: str = "gaussians"
     normalise: str = "white"
     table: WeightTable | None = None
+    edge_error_rgb: Float | None = None
 
     def __post_init__(self) -> None:
         n = len(self.variance_mm2)
@@ -49,6 +52,12 @@ class GaussianSum:
             raise ValueError("GaussianSum: variances and weights must be finite")
         if np.any(self.variance_mm2 < 0) or np.any(np.diff(self.variance_mm2) <= 0):
             raise ValueError("variance_mm2: expected ascending values >= 0")
+
+    @property
+    def fit_error(self) -> float:
+        """Share of what the blur does that the fit leaves wrong, of the worst channel."""
+        error = self.relative_error_rgb if self.edge_error_rgb is None else self.edge_error_rgb
+        return float(error.max(initial=0.0))
 
     def evaluate(self, radius_mm: ArrayLike) -> Float:
         """R(r), mm^-2, shape (len(radius_mm), 3); Gaussians of zero variance are deltas and left out."""

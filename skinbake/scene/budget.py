@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 # Parts of the square that the size leaves. A sky's directions get dearer soonest
 BLUR, SKY, TERMS = 1.5, 3.5, 1.0
+FIT = "fit"  # term of the plan
 NEGLIGIBLE = 0.02  # of the tolerance: below this not even what costs next to nothing is computed
 
 
@@ -92,7 +93,9 @@ def budget_of(spec: SceneSpec, lost: float = 0.0) -> Budget:
 
 
 def left_wrong(plan: Iterable[Decision], lights: Iterable[str], blur: float) -> float:
-    """Root mean square of all that is left wrong, of the light that it is worst for.
+    """Root mean square of all that the plan leaves wrong, of the light that it is worst for.
+
+    How many Gaussians there are is the look's own choice (`skin.fit`), whose error stands beside.
 
     Parameters
     ----------
@@ -104,6 +107,8 @@ def left_wrong(plan: Iterable[Decision], lights: Iterable[str], blur: float) -> 
     """
     shared, own = blur**2, dict.fromkeys(lights, 0.0)
     for line in plan:
+        if line.term == FIT:
+            continue
         name = line.term.rpartition(".")[0]
         if name in own:
             own[name] += line.error**2

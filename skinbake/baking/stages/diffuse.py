@@ -65,6 +65,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         return key_of(
             code_digest(__name__),
             [values.tolist() for values in (gaussians.variance_mm2, gaussians.weight_rgb, gaussians.energy_rgb)],
+            gaussians.fit_error,
             gaussians.table and table_record(gaussians.table),
             self._inputs.key(*self._inputs.skin_maps),
             self._irradiance.identity,
