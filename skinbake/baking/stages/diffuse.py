@@ -104,7 +104,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         return self._inputs.key("scatter") if "scatter" in self._inputs.skin_maps else None
 
     def _entering(self, gaussians: GaussianSum) -> list[Any]:
-        """What the terms `incidence`, `beam`, `curvature` and `interreflection` read besides the light, its maps and the mesh."""
+        """What terms read that change entering light, besides that light, its maps and the mesh."""
         inputs, spec = self._inputs, self._inputs.spec
         terms, total = spec.terms, (gaussians.weight_rgb.sum(axis=0).tolist(), inputs.key(*inputs.skin_maps))
         incidence = beam = curvature = interreflection = None
