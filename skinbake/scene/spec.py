@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -390,6 +390,7 @@ class TermsSpec(Strict):
 
 
 ExportKind = Literal["sum", "layers", "gltf", "blender", "web"]
+EXPORT_KINDS: tuple[str, ...] = get_args(ExportKind)
 
 
 def _one_as_many(value: Any) -> Any:
@@ -419,6 +420,9 @@ class RelightSpec(Strict):
     """Show the look's own lights by textures of the cache, as `relight: reuse` does, and store none; for batches."""
 
 
+Exports = Annotated[tuple[ExportKind, ...], BeforeValidator(_one_as_many), Also("string", enum=list(EXPORT_KINDS))]
+
+
 class OutputSpec(Strict):
     """Folder, format and content of what is written."""
 
@@ -436,7 +440,7 @@ class OutputSpec(Strict):
     """Of everything that is drawn at random."""
     tx: bool = False
     """Also write tiled, mip-mapped textures for renderers."""
-    export: Annotated[tuple[ExportKind, ...], BeforeValidator(_one_as_many), Also("string")] = ()
+    export: Exports = ()
     """What `skinbake export` writes, after each bake into its folder `export`; with `web` also one page of a batch."""
 
     @field_validator("export")

@@ -15,10 +15,10 @@ class Also:
     type : str
         Of JSON: "string", "number", ...
     **limits
-        Of JSON schema: `minimum`, `maximum`, `exclusiveMinimum`, ...
+        Of JSON schema: `minimum`, `maximum`, `exclusiveMinimum`, `enum`, ...
     """
 
-    def __init__(self, type: str, **limits: float) -> None:
+    def __init__(self, type: str, **limits: Any) -> None:
         self.type, self.limits = type, limits
 
     def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import json
 
+import jsonschema
 import pytest
 
 from skinbake.cli import run
+from skinbake.cli.export import command
 from skinbake.export.after_bake import FOLDER
+from skinbake.export.exports import EXPORTS
 from skinbake.io.manifest import read_manifest
+from skinbake.scene.schema import look_schema
+from skinbake.scene.spec import EXPORT_KINDS
 from tests.cli.test_batch import Here
 
 
@@ -111,3 +116,12 @@ def test_a_batch_gets_one_page_of_all(bake, tmp_path, monkeypatch, capsys):
     assert (tmp_path / "two" / "batch.html").read_text() == "mine"
     assert "got one that skinbake has not written" in capsys.readouterr().err
     assert json.loads((tmp_path / "two" / "batch.json").read_text())["jobs"][0]["status"] == "done"
+
+
+def test_a_look_may_ask_for_every_kind_of_export():
+    """And for no other, also by the schema; the verb has the same."""
+    assert tuple(EXPORTS) == EXPORT_KINDS
+    assert set(EXPORTS) < {parameter.name for parameter in command.params}
+    schema = look_schema([])["$defs"]["OutputSpec"]["properties"]["export"]
+    for value, taken in (("web", True), (["sum", "web"], True), ("maya", False), (["maya"], False)):
+        assert jsonschema.Draft202012Validator(schema).is_valid(value) == taken
