@@ -15,7 +15,7 @@ from tests.shapes import quad, sphere
 def test_a_ball_has_its_radius(smoothing):
     """1 / r at nearly every vertex of a ball of 20 mm; the smoothing takes its own share, s^2 / r^2."""
     mesh = sphere(20.0, "cube", 48)
-    found = 20 * mean_curvature(mesh, smoothing)
+    found = 20 * mean_curvature(mesh, [smoothing])[:, 0]
     assert np.median(found) == pytest.approx(
         1 / (1 + smoothing**2 / 400), rel=0.08
     )  # obtuse triangles count as right ones
@@ -25,17 +25,17 @@ def test_a_hollow_is_below_zero():
     """The same ball from inside."""
     mesh = sphere(20.0, "cube", 24)
     turned = replace(mesh, faces=mesh.faces[:, ::-1].copy(), corner_normal=-mesh.corner_normal[:, ::-1])
-    np.testing.assert_allclose(mean_curvature(turned, 2.0), -mean_curvature(mesh, 2.0), rtol=1e-6)
+    np.testing.assert_allclose(mean_curvature(turned, [2.0]), -mean_curvature(mesh, [2.0]), rtol=1e-6)
 
 
 def test_a_plate_has_none_and_bumps_below_the_smoothing_have_little():
     """A plane, and one with waves of 2 mm and .05 mm high: by how much the smoothing keeps them down."""
     plate = quad(40.0, 40.0, 0.0, columns=120, rows=120, uv_box=(0, 0, 1, 1))
     inside = np.abs(plate.positions_mm[:, :2] - plate.positions_mm[:, :2].mean(axis=0)).max(axis=1) < 15
-    np.testing.assert_allclose(mean_curvature(plate, 2.0)[inside], 0, atol=1e-6)
+    np.testing.assert_allclose(mean_curvature(plate, [2.0])[inside], 0, atol=1e-6)
     waves = plate.positions_mm.copy()
     waves[:, 2] += 0.05 * np.sin(np.pi * waves[:, 0])
     wavy = replace(plate, positions_mm=waves)
-    sharp, smooth = (np.abs(mean_curvature(wavy, s)[inside]).max() for s in (0.2, 4.0))
+    sharp, smooth = (np.abs(mean_curvature(wavy, [s])[inside]).max() for s in (0.2, 4.0))
     assert sharp > 0.15  # half of .05 pi^2 and less
     assert smooth < 0.01

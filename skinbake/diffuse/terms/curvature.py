@@ -88,7 +88,7 @@ def curve_skin(
     # Light that leaves has come from as far as the geometric mean of a free path and the diffusion length
     path_mm, decay = layer.medium.free_path_mm, layer.medium.sigma_tr_per_mm
     smoothed_mm = SMOOTHED * path_mm / np.sqrt(np.maximum(decay * path_mm, 1 / FURTHEST_PATHS))
-    of_vertex = np.stack([mean_curvature(mesh, float(length)) for length in smoothed_mm], axis=1)
+    of_vertex = mean_curvature(mesh, smoothed_mm)
     nodes = np.linspace(-ROUNDEST_PER_MM, ROUNDEST_PER_MM, STEPS + 1)
     gain = curved_gain(layer.medium, layer.eta, nodes)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 
 from skinbake.numerics import Float, normalized, safe_div
 from skinbake.scene.mesh import SkinMesh
@@ -12,8 +14,8 @@ from skinbake.scene.mesh import SkinMesh
 MOST_STEPS, CLOSE_ENOUGH = 80, 1e-4  # of the iteration; change of a position in units of the smoothing's length
 
 
-def mean_curvature(mesh: SkinMesh, smoothing_mm: float) -> Float:
-    """Mean curvature at the mesh's vertices, 1/mm, (V,): 1 / radius of a ball, below 0 in hollows.
+def mean_curvature(mesh: SkinMesh, smoothing_mm: Sequence[float] | Float) -> Float:
+    """Mean curvature at the mesh's vertices, 1/mm, (V, K): 1 / radius of a ball, below 0 in hollows.
 
     Heat of the variance `smoothing_mm`^2 moves positions by its half times the surface's Laplacian, which is twice the
     mean curvature along the inward normal. One implicit step smooths as it measures: bumps of a smaller size have
@@ -22,7 +24,7 @@ def mean_curvature(mesh: SkinMesh, smoothing_mm: float) -> Float:
     Parameters
     ----------
     mesh : SkinMesh
-    smoothing_mm : float
+    smoothing_mm : sequence of K float
         Above 0.
 
     References
@@ -30,30 +32,39 @@ def mean_curvature(mesh: SkinMesh, smoothing_mm: float) -> Float:
     [Desbrun1999]
     """
     positions, faces = mesh.positions_mm.astype(np.float64), mesh.faces.astype(np.int64)
-    time = smoothing_mm**2 / 2
     between, area = _cotangents(positions, faces)
+    used, normal = area > 0, _vertex_normals(mesh)
+    centred = positions - positions[used].mean(axis=0) if used.any() else positions
+    found = np.zeros((len(positions), len(smoothing_mm)))
+    for k, length in enumerate(smoothing_mm):
+        away = ((centred - _smoothed(between, area, centred, float(length))) * normal).sum(axis=1)
+        found[used, k] = away[used] / length**2
+    return found
+
+
+def _smoothed(between: csr_matrix, area: Float, positions: Float, length_mm: float) -> Float:
+    """Positions after heat of a length: (area + time L) moved = area positions, time = length^2 / 2.
+
+    Jacobi's iteration, sped up as Chebyshev polynomials do.
+    """
+    time = length_mm**2 / 2
     diagonal = area + time * np.asarray(between.sum(axis=1)).ravel()
     used = diagonal > 0
     inverse = safe_div(np.ones_like(diagonal), diagonal)[:, None]
-    centred = positions - positions[used].mean(axis=0) if used.any() else positions
-    fixed = area[:, None] * centred
-
-    # (area + time L) moved = area positions by Jacobi's iteration, sped up as Chebyshev polynomials do
     radius = float(np.max(1 - area[used] / diagonal[used], initial=0.0))
-    before, moved, factor = centred, centred, 2.0
+    fixed, before, moved, factor = area[:, None] * positions, positions, positions, 2.0
     for step in range(MOST_STEPS):
         factor = 1 / (1 - radius**2 * factor / 4) if step else 1.0
         if step == 1:
             factor = 1 / (1 - radius**2 / 2)
         again = inverse * (fixed + time * (between @ moved))
         before, moved = moved, factor * (again - before) + before
-        if np.abs(moved - before)[used].max(initial=0.0) < CLOSE_ENOUGH * smoothing_mm:
+        if np.abs(moved - before)[used].max(initial=0.0) < CLOSE_ENOUGH * length_mm:
             break
-    away = ((centred - moved) * _vertex_normals(mesh)).sum(axis=1)
-    return np.where(used, away / (2 * time), 0.0)
+    return moved
 
 
-def _cotangents(positions: Float, faces: NDArray[np.int64]) -> tuple[coo_matrix, Float]:
+def _cotangents(positions: Float, faces: NDArray[np.int64]) -> tuple[csr_matrix, Float]:
     """Half the cotangents opposite each edge, not below 0, as a symmetric matrix, and a third of the faces' area."""
     count = len(positions)
     rows, cols, values, area = [], [], [], np.zeros(count)
