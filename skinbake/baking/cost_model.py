@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from skinbake.diffuse.terms.interreflection import COARSE_ERROR, COARSENESS
+from skinbake.relight.transfer import transfer_size
 from skinbake.scene.budget import Budget
 from skinbake.scene.spec import SceneSpec
 
@@ -64,6 +65,10 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
         "preview": 1.0 + 0.35 * megatexels**0.7,
         "write": 0.02 + 0.25 * megatexels,
     }
+    if spec.relight is not None and not spec.relight.reuse:
+        width, height = transfer_size(spec)
+        textures = spec.relight.textures * width * height * work.tiles / 2**20
+        cpu["relight"] = 38 + 0.8 * textures  # 5 to trace, the rest to bake lights that judge it
     return {name: WALL * seconds for name, seconds in cpu.items()}
 
 

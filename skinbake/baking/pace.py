@@ -27,7 +27,7 @@ from skinbake.scene.spec import SceneSpec
 
 LEAST, MOST = 0.05, 50.0  # times the model's seconds that a machine is believed to take
 NOTABLE = 0.1  # change of that which is worth a file
-STAGES = frozenset({"read", "raster", "profile", "irradiance", "diffuse", "preview", "write"})
+STAGES = frozenset({"read", "raster", "profile", "irradiance", "diffuse", "relight", "preview", "write"})
 
 
 def rule_of_thumb(spec: SceneSpec, budget: Budget | None = None) -> dict[str, float]:
@@ -58,9 +58,10 @@ def expected_seconds(inputs: BakeInputs, stages: Stages, asked: Collection[str] 
     asked : collection of stage names
         Whose results are wanted.
     """
-    light = bool(stages.irradiance.stale())
-    lobes = "diffuse" in asked and bool(light or stages.diffuse.stale())
-    runs = dict.fromkeys(("read", "raster", "write"), light or lobes) | {"irradiance": light}
+    light = bool(inputs.spec.lights and stages.irradiance.stale())
+    lobes = "diffuse" in asked and bool(inputs.spec.lights) and bool(light or stages.diffuse.stale())
+    later = stages.relight is not None and "relight" in asked and bool(stages.relight.stale())
+    runs = dict.fromkeys(("read", "raster", "write"), light or lobes) | {"irradiance": light, "relight": later}
     runs |= dict.fromkeys(("profile", "diffuse", "preview"), lobes)
     rule = rule_of_thumb(inputs.spec, inputs.decisions.budget)
     return {name: s for name, s in paced(rule).items() if name in asked and runs[name]}

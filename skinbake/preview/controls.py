@@ -189,8 +189,8 @@ def overlay(
     place = f"{view}   " if view else ""
     lines = [f"{place}{shown}   exposure {controls.exposure:+.2f}   {frames_per_second:.0f} fps   H: help"]
     lines += _light_lines(controls, scene) if relit is None else [relit.line]
-    own = () if relit is None else RELIT_HELP
-    return [*lines, *own, *HELP] if controls.help else lines
+    keys = HELP if relit is None else RELIT_HELP
+    return [*lines, *keys] if controls.help else lines
 
 
 def _light_lines(controls: Controls, scene: PreviewScene) -> Sequence[str]:

@@ -10,7 +10,13 @@ from skinbake.preview.relit import LaterLight
 
 TURN_DEG = 5.0
 NOT_RELIT = frozenset(("N", "TAB", "L", "UP", "DOWN", ",", ".", *"123456789"))  # keys on a bake's own lights and lobes
-RELIT_HELP = ("ctrl+drag\tturn the light, raise suns\t, .\tturn it\tK\tnext sky",)
+RELIT_HELP = (  # as `skinbake.preview.controls.HELP`
+    "drag\torbit\tshift+drag\tpan\twheel\tzoom",
+    "F\teverything\tD\tdiffuse only\tS\tspecular only",
+    "ctrl+drag\tturn the light\t, .\tturn it\tK\tnext sky",
+    "V\tnext view\t[ ]\texposure\tR\treset",
+    "P\tsave the picture\tH\tthis help\tQ\tquit",
+)
 
 
 @dataclass(frozen=True)

@@ -312,11 +312,11 @@ class PreviewWindow:
         width, height = self.window.get_size()
         if name in ("Q", "ESCAPE"):
             self.window.has_exit = True
-        elif name == "K":
+        elif name == "K" and self.relit is None:
             self._next_skin()
         elif name == "P":
             self._act(self.actions.save_picture, self._picture)
-        elif name == "W":
+        elif name == "W" and self.relit is None:
             self._write_look()
         elif name == "V":
             at = VIEWS.index(self.view_name) if self.view_name in VIEWS else -1

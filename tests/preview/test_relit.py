@@ -7,6 +7,7 @@ import pytest
 
 from skinbake.irradiance.oil_layer import kelemen_brdf
 from skinbake.preview.camera import Camera
+from skinbake.preview.controls import Controls, overlay, press
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode
 from skinbake.preview.relit import LaterLight, relit_scene, sky_samples
@@ -118,3 +119,21 @@ def test_the_oil_mirrors_the_sky(drawn):
 def test_software_gets_fewer_directions():
     """By the renderer's name."""
     assert sky_samples("llvmpipe (LLVM 15.0.6, 256 bits)") < sky_samples("NVIDIA GeForce")
+
+
+def test_the_window_s_text_is_that_of_its_light():
+    """The light's line in place of lights that a bake has, and keys that mean something here."""
+    scene = relit_scene(
+        harmonic_basis(0), quad(), {1001: np.ones((1, 4, 4, 3), np.float16)}, {1001: np.ones((3, 2, 2, 3), np.float16)},
+        SkinMaps(), TexturingSpec(), SpecularSpec(), False,
+    )  # fmt: skip
+    relit = RelitControls(LaterLight(STUDIO), "studio", {})
+    controls = Controls(scene.lights, (np.ones(3),), help=True)
+    for key in ("N", "1", "TAB", "UP", "L"):
+        assert press(controls, controls, scene, key) is controls
+    lines = overlay(controls, scene, 30.0, relit)
+    assert lines[1] == "sky studio, turned 0 degrees"
+    text = "\n".join(lines)
+    assert "next sky" in text
+    assert "next light" not in text
+    assert "basis-0" not in text
