@@ -1,7 +1,9 @@
 """Make the sample head: `python data/make_head.py [--out data]`.
 
 Writes head.obj (millimetres), albedo.png (8-bit sRGB), roughness.png (8-bit, Beckmann m), normal.png (tangent space,
-see `paint.tangent_normals`) and registry.txt. The same versions of the libraries give the same bytes.
+see `paint.tangent_normals`), melanin.png and haemoglobin.png (16-bit volume fractions, white is `paint.MOST_MELANIN`
+and `paint.MOST_BLOOD`), cavity.png (8-bit share of the oil that is seen) and registry.txt.
+The same versions of the libraries give the same bytes.
 Needs numpy, scipy, scikit-image, fast-simplification and pillow.
 """
 
@@ -24,7 +26,7 @@ STEP_MM = 0.7
 TRIANGLES = 60000
 SIZE = 2048
 LICENCE = "our own work, same licence as the project (MIT)"
-FILES = ("head.obj", "albedo.png", "roughness.png", "normal.png")
+FILES = ("head.obj", "albedo.png", "roughness.png", "normal.png", "melanin.png", "haemoglobin.png", "cavity.png")
 
 
 def srgb(linear):
@@ -33,9 +35,16 @@ def srgb(linear):
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def write_png(path, values):
-    """8-bit PNG of values 0 to 1."""
-    Image.fromarray(np.squeeze(np.round(np.clip(values, 0, 1) * 255).astype(np.uint8))).save(path, optimize=True)
+def write_png(path, values, top=255):
+    """PNG of values 0 to 1, of 8 bits, or of 16 where `top` is 65535."""
+    kind = np.uint8 if top == 255 else np.uint16
+    Image.fromarray(np.squeeze(np.round(np.clip(values, 0, 1) * top).astype(kind))).save(path, optimize=True)
+
+
+def smaller(image, times):
+    """Means of `times` x `times` texels."""
+    height, width, channels = image.shape
+    return image.reshape(height // times, times, width // times, times, channels).mean(axis=(1, 3))
 
 
 def make(out, step_mm=STEP_MM, size=SIZE, say=print):
@@ -51,10 +60,18 @@ def make(out, step_mm=STEP_MM, size=SIZE, say=print):
     write_obj(out / "head.obj", vertices, uv, normals, faces, corner)
     say(f"head.obj: {len(faces)} triangles, {time.monotonic() - began:.0f} s")
     grid = texels.address(size, vertices, normals, faces, uv, corner)
-    albedo, roughness, normal = paint.paint(grid)
+    albedo, roughness, normal, melanin, blood, cavity = paint.paint(grid)
     write_png(out / "albedo.png", grid.image(srgb(albedo), srgb(paint.BASE)))
     write_png(out / "roughness.png", grid.image(roughness, 0.375))
     write_png(out / "normal.png", grid.image(normal * 0.5 + 0.5, (0.5, 0.5, 1.0)))
+    for name, values, bare, most, times in (
+        ("melanin", melanin, paint.LIGHT_MELANIN, paint.MOST_MELANIN, 4),
+        ("haemoglobin", blood, paint.LIGHT_BLOOD, paint.MOST_BLOOD, 8),
+        ("cavity", cavity, 1.0, 1.0, 2),
+    ):
+        write_png(
+            out / f"{name}.png", smaller(grid.image(values / most, bare / most), times), 65535 if most < 1 else 255
+        )
     lines = [f"{name} {hashlib.sha256((out / name).read_bytes()).hexdigest()} {LICENCE}" for name in FILES]
     (out / "registry.txt").write_text("# file sha256 licence\n" + "\n".join(lines) + "\n")
     say(f"maps: {len(grid.row)} texels, {time.monotonic() - began:.0f} s")

@@ -5,7 +5,7 @@ so there is no seam and no stretch. Random numbers come from fixed seeds.
 """
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial import cKDTree
 
 from sample_head import anatomy
@@ -19,6 +19,9 @@ BASE = np.array([0.570, 0.335, 0.232])
 MELANIN = np.array([0.42, 0.72, 1.0])
 BLOOD = np.array([0.14, 0.92, 0.82])
 HAIR = np.array([0.034, 0.020, 0.013])
+# Volume fractions of the bare skin, and the most that the maps hold
+LIGHT_MELANIN, MOST_MELANIN = 0.011, 0.3
+LIGHT_BLOOD, MOST_BLOOD = 0.0055, 0.06
 
 # Hair line in side view (z, y), closed far above the head.
 HAIR_LINE = [
@@ -263,8 +266,8 @@ def stubble(zones, area):
     return cover * zones.beard
 
 
-def albedo(zones, hair, area):
-    """Linear Rec.709 albedo at each texel, shape (T, 3)."""
+def pigments(zones, area):
+    """Melanin and blood at each texel beside those of the bare skin, in the units of MELANIN and BLOOD, (T,) each."""
     p = zones.position
     broad = layered(p, (45, 22, 11), (1, 0.8, 0.5), 1)
     mottle = layered(p, (6, 3.2, 1.6), (1, 0.8, 0.6), 5)
@@ -286,16 +289,45 @@ def albedo(zones, hair, area):
     )
     melanin += 0.10 * np.exp(-((zones.crease / 1.5) ** 2)) + 0.22 * np.exp(-((zones.slit / 1.4) ** 2))
     melanin += spots(zones, area)
+    return melanin, blood
 
+
+def dark_hair(zones, hair):
+    """How much of each texel hair, lashes and the roots of lashes hide, (T,)."""
+    lash_line = 0.75 * np.exp(-((zones.slit / 0.55) ** 2)) * smoothstep(5, 1, zones.slit)
+    return 1 - (1 - 0.88 * hair["brow"]) * (1 - 0.55 * hair["scalp"]) * (1 - 0.9 * hair["lash"]) * (1 - lash_line) * (
+        1 - 0.45 * hair["beard"]
+    )
+
+
+def fractions(zones, hair, area):
+    """Volume fractions of melanin in the epidermis and of blood in the dermis at each texel, (T,) each."""
+    melanin, blood = pigments(zones, area)
+    melanin = LIGHT_MELANIN * np.exp(2.2 * melanin) + 0.28 * dark_hair(zones, hair) + 0.05 * zones.scalp
+    return np.clip(melanin, 0.001, MOST_MELANIN), np.clip(LIGHT_BLOOD * np.exp(3.4 * blood), 0.0005, MOST_BLOOD)
+
+
+def cavity(texels, zones, height):
+    """Share of the oil that is seen at each texel: less in pores and folds, where the rim hides it, (T,)."""
+    h = texels.image(height, 0.0)[..., 0]
+    known = texels.image(np.ones(len(height)), 0.0)[..., 0]
+    around = gaussian_filter(h * known, 6.0) / np.maximum(gaussian_filter(known, 6.0), 1e-3)
+    below = (around - h)[texels.row, texels.col]
+    seen = 1 - 0.8 * smoothstep(0.004, 0.055, below)
+    seen *= 1 - 0.55 * zones.alar_crease - 0.5 * np.exp(-((zones.mouth_line / 0.9) ** 2)) * zones.lips
+    return np.clip(seen * (1 - 0.5 * np.exp(-((zones.slit / 0.8) ** 2))), 0.05, 1)
+
+
+def albedo(zones, hair, area):
+    """Linear Rec.709 albedo at each texel, shape (T, 3)."""
+    p = zones.position
+    melanin, blood = pigments(zones, area)
     colour = BASE * np.exp(-np.clip(melanin, -0.2, 3)[:, None] * MELANIN - np.clip(blood, -0.2, 3)[:, None] * BLOOD)
     # veins below the thin skin of the lids, shaved beard: both bluish
     colour *= 1 - zones.under_eye[:, None] * np.array([0.10, 0.06, 0.02])
     colour *= 1 - zones.beard[:, None] * np.array([0.085, 0.06, 0.045])
     colour *= 1 - zones.scalp[:, None] * np.array([0.46, 0.45, 0.42])
-    lash_line = 0.75 * np.exp(-((zones.slit / 0.55) ** 2)) * smoothstep(5, 1, zones.slit)
-    dark = 1 - (1 - 0.88 * hair["brow"]) * (1 - 0.55 * hair["scalp"]) * (1 - 0.9 * hair["lash"]) * (1 - lash_line) * (
-        1 - 0.45 * hair["beard"]
-    )
+    dark = dark_hair(zones, hair)
     tint = HAIR * (1 + 0.25 * noise(p, 2.0, 30))[:, None]
     return colour * (1 - dark[:, None]) + tint * dark[:, None]
 
@@ -398,7 +430,9 @@ def tangent_normals(texels, height):
 
 
 def paint(texels):
-    """All maps at the painted texels: linear albedo (T, 3), Beckmann roughness (T,), tangent normals (T, 3)."""
+    """All maps at the painted texels: linear albedo (T, 3), Beckmann roughness (T,), tangent normals (T, 3), volume
+    fractions of melanin and of blood (T,) each, and the oil's cavity (T,).
+    """
     zones = Zones(texels.position, texels.normal)
     area = np.linalg.norm(np.cross(texels.dp_du, texels.dp_dv), axis=1) * texels.inside
     hair = {
@@ -407,4 +441,6 @@ def paint(texels):
         "scalp": scalp_hair(zones, area),
         "beard": stubble(zones, area),
     }
-    return albedo(zones, hair, area), roughness(zones, hair), tangent_normals(texels, relief(zones, hair, area))
+    height = relief(zones, hair, area)
+    coats = albedo(zones, hair, area), roughness(zones, hair), tangent_normals(texels, height)
+    return *coats, *fractions(zones, hair, area), cavity(texels, zones, height)

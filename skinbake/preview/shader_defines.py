@@ -42,6 +42,8 @@ SWITCHES = (
     "HAS_ENVIRONMENT",
     "NEEDS_OIL_ALBEDO",
     "SKIN_TABLE",
+    "TABLE_COLUMNS",
+    "SKIN_SCATTERS",
     "SECOND_LOBE",
     "HAS_F0_MAP",
     "LIGHT_COMES_LATER",
@@ -71,7 +73,8 @@ def shader_defines(
     """
     lobes = range(len(scene.lobes))
     shown = [mode.lobe] if mode.name == "lobe" else lobes
-    varies = scene.table is not None and mode.diffuse and mode.name != "lobe"
+    table = scene.table
+    varies = table is not None and mode.diffuse and mode.name != "lobe"
     second = scene.specular.second
     weight = "weight" if varies else "lobe_weight"
     terms = [f"{weight}[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
@@ -89,6 +92,8 @@ def shader_defines(
         "HAS_ENVIRONMENT": mirrored,
         "NEEDS_OIL_ALBEDO": conserving or mirrored,
         "SKIN_TABLE": varies,
+        "TABLE_COLUMNS": varies and table is not None and len(table.names) > 1,
+        "SKIN_SCATTERS": varies and table is not None and table.scatters,
         "SECOND_LOBE": second is not None,
         "HAS_F0_MAP": tile in scene.maps.f0,
         "LIGHT_COMES_LATER": tile in scene.open_sky,

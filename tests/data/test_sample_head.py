@@ -250,6 +250,25 @@ def test_roughness_is_lower_where_skin_is_oily():
     assert neck < 0.55
 
 
+def test_pigments_and_cavity_lie_where_a_face_has_them():
+    """Brows hold melanin, lips, nose and ears blood; pores hide a little of the oil, the folds beside the nose more."""
+    maps = {}
+    for name, most in (("melanin", 0.3), ("haemoglobin", 0.06), ("cavity", 1.0)):
+        image = np.asarray(Image.open(DATA / f"{name}.png")).astype(float)
+        maps[name] = most * np.kron(image / (65535 if most < 1 else 255), np.ones((2048 // len(image),) * 2))
+
+    def at(name, place, radius):
+        return maps[name][texels_near(place, radius)].mean()
+
+    assert at("melanin", (30, 134, 90), 4) > 3 * at("melanin", (30, 150, 88), 5)
+    assert 0.005 < at("melanin", (30, 70, 84), 12) < 0.03
+    cheek, forehead = at("haemoglobin", (44, 84, 72), 8), at("haemoglobin", (0, 155, 96), 8)
+    assert at("haemoglobin", (0, 42, 99), 5) > 1.3 * cheek > 1.3 * 1.3 * forehead
+    assert at("haemoglobin", (0, 95, 105), 8) > forehead
+    assert 0.7 < at("cavity", (30, 70, 84), 12) < 1
+    assert at("cavity", (19, 76, 91), 4) < at("cavity", (30, 70, 84), 12)
+
+
 def test_normals_are_unit_and_lean_little():
     """The tangent-space normals are unit to 8 bits, face outward, and carry relief everywhere on the face."""
     n = linear("normal.png") * 2 - 1
@@ -284,7 +303,8 @@ def test_registry_names_every_file_with_its_hash_and_licence():
     lines = [
         line.split(maxsplit=2) for line in (DATA / "registry.txt").read_text().splitlines() if line and line[0] != "#"
     ]
-    assert sorted(name for name, _, _ in lines) == ["albedo.png", "head.obj", "normal.png", "roughness.png"]
+    maps = ["albedo.png", "cavity.png", "haemoglobin.png", "head.obj", "melanin.png", "normal.png", "roughness.png"]
+    assert sorted(name for name, _, _ in lines) == maps
     for name, digest, licence in lines:
         assert hashlib.sha256((DATA / name).read_bytes()).hexdigest() == digest
         assert "our own work" in licence

@@ -19,8 +19,12 @@ uniform vec3 total_weight;
 #ifdef SKIN_TABLE
 uniform sampler2DArray weight_table; // a layer a Gaussian; rows and columns are nodes, even in the roots of two maps
 uniform sampler2DArray table_row;
+#ifdef TABLE_COLUMNS
 uniform sampler2DArray table_column;
+#endif
+#ifdef SKIN_SCATTERS
 uniform sampler2DArray scatter_map;
+#endif
 uniform vec2 table_low;              // roots at the first node, and from the first to the last, of rows and columns
 uniform vec2 table_range;
 #endif
@@ -62,10 +66,16 @@ layout(location = 4) out vec4 out_uv;
 // Weights of the skin at this place, and what they give back of light; as skinbake/profile/weight_table.py, theory.md 4.8
 void weigh(out vec3 weight[N_LOBES], out vec3 total)
 {
-    vec2 value = vec2(texture(table_row, vec3(frag_uv, 0.0)).r, texture(table_column, vec3(frag_uv, 0.0)).r);
+    vec2 value = vec2(texture(table_row, vec3(frag_uv, 0.0)).r, 0.0);
+#ifdef TABLE_COLUMNS
+    value.y = texture(table_column, vec3(frag_uv, 0.0)).r;
+#endif
     vec2 nodes = vec2(textureSize(weight_table, 0).yx);
     vec2 at = clamp((sqrt(max(value, 0.0)) - table_low) / table_range, 0.0, 1.0) * (nodes - 1.0) + 0.5;
-    float scatter = texture(scatter_map, vec3(frag_uv, 0.0)).r;
+    float scatter = 1.0;
+#ifdef SKIN_SCATTERS
+    scatter = texture(scatter_map, vec3(frag_uv, 0.0)).r;
+#endif
     total = vec3(0.0);
     for (int i = 0; i < N_LOBES; ++i)
         weight[i] = scatter * lobe_weight[i];  // light through thin parts, which no table weighs
