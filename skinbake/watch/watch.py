@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from skinbake.baking.stage_log import StageLog
-from skinbake.baking.verdict import verdict
+from skinbake.baking.verdict import marked, verdict
 from skinbake.errors import InputError, SkinbakeError
 from skinbake.interrupt import undone_at_stop
 from skinbake.io.config import load_look
@@ -163,8 +163,11 @@ class Watch:
             if kind == "draft":
                 self._say(f"draft in {time.monotonic() - self._since:.1f} s: {where}")
             else:
-                blur, *_ = verdict(read_manifest(self.spec.output.dir)).split("; ")
-                self._say(f"as asked: {where}; {blur}")
+                manifest = read_manifest(self.spec.output.dir)
+                within, *_ = verdict(manifest).split("; ")
+                self._say(f"as asked: {where}; {within}")
+                for line in marked(manifest.get("warnings", ())):
+                    self._say(line)
         if self._stale:  # it was saved again meanwhile
             self._draft()
         elif kind == "draft":
