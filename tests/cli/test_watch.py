@@ -22,7 +22,7 @@ from tests.shapes import relief
 
 pytestmark = pytest.mark.slow  # processes, waits, or many bakes
 
-WAIT_S = 60.0
+WAIT_S = 120.0
 SMALL = "preview: {size: [48, 60]}\n"
 
 
@@ -141,7 +141,7 @@ window = screen.window
 said, shots = {"first": window.message}, {"first": window.pixels()}
 
 def until(so):
-    end = time.monotonic() + 60
+    end = time.monotonic() + 120
     while not so():
         assert time.monotonic() < end, window.lines
         window.window.dispatch_events()
