@@ -27,6 +27,8 @@ def follow(lines: Iterable[str], task: Task) -> list[str]:
         if package := _PACKAGE.match(line.strip()):
             found[package[1]] = None
             task.note = f"{package[1]}, {len(found)} so far"
+        elif line.strip().startswith(("Installing build", "Getting requirements", "Preparing", "Building")):
+            task.note = "what builds them" if not found else task.note
         elif line.startswith("Installing collected packages:"):
             task.note = f"unpacking {line.count(',') + 1} packages"
     return list(last)

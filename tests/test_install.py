@@ -29,6 +29,7 @@ def test_pip_is_followed_by_its_lines():
             notes.append(task.note)
 
     assert follow(lines(), task) == SAID.splitlines(keepends=True)
+    assert notes[1] == "what builds them"
     assert notes[2] == "numpy, 1 so far"
     assert notes[4] == "pyrender-maintained, 2 so far"
     assert notes[-1] == "unpacking 3 packages"

@@ -59,10 +59,11 @@ def bake_look(
     bake = folder_bake(spec, force, verbosity, session, f"baking into {Path(spec.output.dir)}")
     log, folder = bake.log, bake.results.folder
     expected = expected_seconds(bake.inputs, bake.stages(), STAGES if preview else STAGES - {"preview"})
-    with log.telling_of_compiling(), log.whole("baking", expected):
+    with log.telling_of_compiling() as compiling, log.whole("baking", expected):
         manifest, baked = _bake_into_folder(bake, preview, start, expected)
     keep_pace(bake.inputs, log)
     about = f", about {sum(expected.values()):.1f} were expected" if expected else ""
+    about = f", {compiling.seconds:.1f} of it compiling{about} of the rest" if compiling.seconds and about else about
     log.say(f"done in {time.perf_counter() - start:.1f} s{about}")
     for line in (*last_lines(folder, manifest, bake.results.holds_picture), *marked(manifest["warnings"])):
         log.say(line)

@@ -13,23 +13,29 @@ TEXT = "compiling kernels, once"
 
 
 @contextmanager
-def compile_notice(progress: Progress) -> Iterator[None]:
+def compile_notice(progress: Progress) -> Iterator[CompileNotice]:
     """Show that kernels are compiled, and say in the end what it took; nothing where none is."""
-    notice = _CompileNotice(progress)
+    notice = CompileNotice(progress)
     with watch_compiling(notice.on_kernel):
         try:
-            yield
+            yield notice
         finally:
             notice.close()
 
 
-class _CompileNotice:
-    """What is shown while kernels are compiled."""
+class CompileNotice:
+    """What is shown while kernels are compiled.
+
+    Attributes
+    ----------
+    seconds : float
+        That compiling has taken so far.
+    """
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._shown: list[ExitStack] = []
-        self._count, self._seconds, self._begun = 0, 0.0, 0.0
+        self._count, self.seconds, self._begun = 0, 0.0, 0.0
 
     def on_kernel(self, name: str, begun: bool) -> None:
         """Show that a kernel is being compiled, or that it is there."""
@@ -41,11 +47,11 @@ class _CompileNotice:
             self._shown.append(shown)
         else:
             self._count += 1
-            self._seconds += time.monotonic() - self._begun
+            self.seconds += time.monotonic() - self._begun
             self._shown.pop().close()
 
     def close(self) -> None:
         """Say what it took."""
         if self._count:
             kernels = "1 kernel" if self._count == 1 else f"{self._count} kernels"
-            self._progress.line(f"  compiled {kernels} in {self._seconds:.1f} s; kept for the next time")
+            self._progress.line(f"  compiled {kernels} in {self.seconds:.1f} s; kept for the next time")

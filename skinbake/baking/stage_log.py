@@ -5,10 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skinbake.pipeline import Stage
 from skinbake.progress import Progress, Task
+
+if TYPE_CHECKING:
+    from skinbake.baking.compile_notice import CompileNotice
 
 WORDS = {  # what is done, by the name of its stage
     "read": "reading mesh and maps",
@@ -100,7 +103,7 @@ class StageLog:
         """
         return self.progress.task(name, parts={WORDS[stage]: of for stage, of in seconds.items()})
 
-    def telling_of_compiling(self) -> AbstractContextManager[None]:
+    def telling_of_compiling(self) -> AbstractContextManager[CompileNotice]:
         """Show when kernels are compiled within the block."""
         from skinbake.baking.compile_notice import compile_notice
 

@@ -62,7 +62,7 @@ def verdict(manifest: Mapping[str, Any]) -> str:
         )
         worst = (error.get("worst") or {}).get("where")
         parts.append(f"{within} the {_percent(wanted)} asked for: {off}")
-        parts.append(f"most {worst or 'at one point'}, by {_percent(error['max'])} of the mean light")
+        parts.append(f"most {worst or 'at one point'}, by {_percent(error['max'])} of the mean")
     else:
         parts.append("the blur was not measured (diffusion.probes: 0)")
     if error.get("texture_size"):
@@ -71,7 +71,7 @@ def verdict(manifest: Mapping[str, Any]) -> str:
     if model:
         parts.append(f"about {_percent(model['rms'])} from light transport")
     else:
-        parts.append("light transport not measured (`skinbake truth`)")
+        parts.append("light transport not measured")
     return "; ".join(parts)
 
 

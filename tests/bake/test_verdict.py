@@ -30,7 +30,7 @@ output: {dir: out}
         ({}, "within the 1 % asked for: off by 0.8 % in all, the blur by 0.22 %; most at the front left"),
         ({"rms": 0.02}, "beyond the 1 % asked for: off by 0.8 % in all, the blur by 2 %"),
         ({"left_wrong": 0.0}, "within the 1 % asked for: the blur off by 0.22 %"),
-        ({"worst": None}, "most at one point, by 13 % of the mean light; light transport not measured"),
+        ({"worst": None}, "most at one point, by 13 % of the mean; light transport not measured"),
         ({"model": {"rms": 0.0414}}, "; about 4.1 % from light transport"),
         ({"texture_size": 0.025}, "; the coarser texture loses about 2.5 %; "),
         ({"rms": None}, "the blur was not measured (diffusion.probes: 0); "),
