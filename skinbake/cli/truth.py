@@ -66,7 +66,7 @@ def _print(error: dict[str, Any], split: dict[str, Any]) -> None:
     def row(values: list[float]) -> str:
         return " ".join(f"{100 * value:.1f}" for value in values)
 
-    console = Console(soft_wrap=True, width=120)
+    console = Console(soft_wrap=True, width=160)  # five terms, each with its standard error
     table = Table(title="the model's error: distance from light transport, rms % (R, G, B)")
     for column in ("skin", "points", "rms", "stderr", "bias"):
         table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)

@@ -33,23 +33,30 @@ def write_truth_chart(
     InputError, MachineError
         The file cannot be written.
     """
-    with png_figure(path, DPI, figsize=(15 if split else 9, 5)) as figure:
+    with png_figure(path, DPI, figsize=(15 if split else 9, 5.5)) as figure:
         axes = figure.subplots(1, 2 if split else 1, squeeze=False)
         names = [f"{name}\n{found['points']} points" for name, found in error.items()]
         _bars(axes[0, 0], names, list(error.values()))
         axes[0, 0].set_title(title, parse_math=False)
         axes[0, 0].set_ylabel("distance from light transport, rms %")
+        axes[0, 0].legend(loc="upper left")
         if split:
             shown = [name for name in ("all", "thin", "creases") if name in error]
             labels, bars = [], []
             for name in shown:
                 for term, share in split.items():
-                    labels.append(f"{term},\n{name}")
+                    labels.append(term)
                     bars.append(share[name])
-                labels.append(f"rest,\n{name}")
+                labels.append("rest")
                 bars.append(error[name])
             _bars(axes[0, 1], labels, bars)
-            axes[0, 1].tick_params(axis="x", rotation=60)
+            axes[0, 1].tick_params(axis="x", rotation=90, labelsize=9)
+            for k, name in enumerate(shown):  # a group is a term a column, and the rest
+                columns = len(split) + 1
+                middle, top = columns * k + (columns - 1) / 2, axes[0, 1].get_xaxis_transform()
+                axes[0, 1].text(middle, 0.97, name, ha="center", va="top", transform=top)
+                if k:
+                    axes[0, 1].axvline(columns * k - 0.5, color="black", linewidth=0.8, alpha=0.4)
             axes[0, 1].axhline(0, color="black", linewidth=0.8)
             axes[0, 1].set_title("what each term takes off, and the rest")
         figure.tight_layout()
@@ -66,4 +73,4 @@ def _bars(axes, names: list[str], errors: Sequence[GroupError | TermShare]) -> N
         )
     axes.set_xticks(place, names)
     axes.grid(axis="y", alpha=0.3)
-    axes.legend()
+    axes.margins(y=0.12)
