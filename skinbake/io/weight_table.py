@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from skinbake.profile.weight_table import MOST_AXES, WeightTable
+from skinbake.scene.maps import OF_SKIN
 
 KEY = "weights_table"
 
@@ -48,7 +49,10 @@ def table_of_record(record: dict[str, Any] | None, gaussians: int) -> WeightTabl
     grid = tuple(len(each) for each in nodes)
     if len(nodes) != MOST_AXES or len(names) > MOST_AXES or weight.shape != (*grid, gaussians, 3):
         raise ValueError(f"{KEY}: expected weights of shape {(*grid, gaussians, 3)}, got {weight.shape}")
-    if error.shape != (*grid, 3) or not all(np.isfinite(each).all() for each in (*nodes, weight, error, between)):
+    if unknown := set(names) - (set(OF_SKIN) - {"scatter"}):
+        raise ValueError(f"{KEY}: expected names of maps, got {', '.join(sorted(unknown))}")
+    finite = all(np.isfinite(each).all() for each in (*nodes, weight, error, between, np.array([*constants.values()])))
+    if error.shape != (*grid, 3) or between.ndim != error.ndim or not finite:
         raise ValueError(f"{KEY}: expected finite weights, with an error a node")
     if any(np.any(np.diff(each) <= 0) or each[0] < 0 for each in nodes):
         raise ValueError(f"{KEY}: expected nodes that ascend from 0 or more")

@@ -8,6 +8,7 @@ import yaml
 
 import skinbake
 from skinbake.baking.bake_look import bake_look
+from skinbake.baking.truth import bare_look
 from skinbake.bilinear import magnify_bilinear
 from skinbake.errors import ConfigError, InputError
 from skinbake.export.exports import write_exports
@@ -222,6 +223,25 @@ def test_another_skin_on_the_same_lobes_is_off_by_no_more_than_its_fit(plane, na
     off = apart(m, plane(skin={"preset": name}).radiant_exitance())
     assert off <= max(found.relative_error_rgb.max(), WITHIN)
     assert off < 0.5 * apart(base.radiant_exitance(), plane(skin={"preset": name}).radiant_exitance())
+
+
+def test_relighting_knows_the_table(plane):
+    """A white sky by the basis is the bake's own, of skin that varies as of skin that does not."""
+    sky = {"name": "sky", "type": "environment", "radiance": [1, 1, 1]}
+    parts = {
+        "lights": [sky],
+        "relight": {"size": WIDTH, "textures": 9},
+        "diffusion": {"method": "surface", "probes": 0},
+    }
+    for maps in ({}, {"radius": "steps.exr", "scatter": "flat.exr"}):
+        bake = plane(maps, FEW, **parts)
+        assert apart(bake.relight(environment=np.ones((8, 16, 3), np.float32)), bake.radiant_exitance()) < 0.02
+
+
+def test_walks_refuse_skin_that_varies(plane):
+    look = plane({"radius": "steps.exr"}, FEW).look
+    with pytest.raises(InputError, match=r"truth: expected skin that is the same everywhere, got maps\.radius"):
+        bare_look(look)
 
 
 def test_bad_maps_are_named(plane):

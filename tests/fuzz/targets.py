@@ -329,7 +329,22 @@ def read_report(path: Path) -> None:
 def profile_seeds() -> Seeds:
     rgb = [0.1, 0.2, 0.3]
     record = {"variance_mm2": [0.1, 2.0], "weight_rgb": [rgb, rgb], "relative_error_rgb": rgb, "energy_rgb": rgb}
-    return ((".json", json.dumps(record | {"model": "table", "normalise": "white", "key": "a"}).encode()),)
+    record |= {"model": "table", "normalise": "white", "key": "a"}
+    return tuple((".json", json.dumps(each).encode()) for each in (record, record | {"weights_table": _table(2)}))
+
+
+def _table(gaussians: int) -> dict[str, object]:
+    """Weights that a map of widths varies between two nodes."""
+    rgb = [1 / gaussians] * 3
+    return {
+        "names": ["radius"],
+        "nodes": [[0.5, 1.5], [0.0]],
+        "weight_rgb": [[[rgb] * gaussians]] * 2,
+        "error_rgb": [[rgb]] * 2,
+        "between_rgb": [[rgb]],
+        "constants": {"radius": 1.0, "scatter": 1.0},
+        "scatters": True,
+    }
 
 
 def read_profile(path: Path) -> None:
@@ -343,6 +358,10 @@ def read_profile(path: Path) -> None:
     assert found.weight_rgb.shape == (len(found.variance_mm2), 3)
     assert np.isfinite(found.relative_error_rgb).all()
     assert isinstance(found.model + found.normalise, str)
+    if found.table is not None:
+        weight = found.table.at({name: np.linspace(0, 2, 5) for name in found.table.quantities})
+        assert weight.shape == (len(found.variance_mm2), 5, 3)
+        assert np.isfinite(weight).all()
 
 
 @cache

@@ -112,7 +112,13 @@ def test_a_table_comes_back_from_its_record(report):
     assert back.weight_rgb.tobytes() == table.weight_rgb.tobytes()
     assert back.at({"radius": 0.6}).tobytes() == table.at({"radius": 0.6}).tobytes()
     assert record["worst"]["relative_error"] == table.error_rgb.max()
-    for damage in ({"weight_rgb": [[1.0]]}, {"nodes": [[1, 0], [0]]}, {"constants": {}}, {"names": ["radius"] * 3}):
+    for damage in (
+        {"weight_rgb": [[1.0]]},
+        {"nodes": [[1, 0], [0]]},
+        {"constants": {}},
+        {"names": ["radius"] * 3},
+        {"names": ["width"]},
+    ):
         with pytest.raises((ValueError, LookupError, TypeError)):
             table_of_record(record | damage, len(report.gaussians.variance_mm2))
     lines = [line for line in fit_csv(report).splitlines() if line.startswith("#")]
