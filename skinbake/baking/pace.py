@@ -1,7 +1,7 @@
 """How long the stages of a bake take on this machine, for whoever waits.
 
 `skinbake.baking.cost_model` says what they take on the machine that it was fitted on. How much longer this one takes is
-kept in the user's cache, a file a machine and version; each bake renews it, and who removes the file begins anew.
+kept in the user's cache, a file a machine and version of the model; each bake renews it, and who removes the file begins anew.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-import skinbake
 from skinbake.baking.cost_model import Work, stage_seconds
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.stage_log import StageLog
 from skinbake.errors import SkinbakeError
 from skinbake.io.atomic import write_text
+from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.user_cache import user_cache
 from skinbake.kernels.threads import processors
@@ -26,6 +26,7 @@ from skinbake.scene.budget import Budget, budget_of
 from skinbake.scene.spec import SceneSpec
 
 LEAST, MOST = 0.05, 50.0  # times the model's seconds that a machine is believed to take
+TELLING_TEXELS = 512 * 512  # the least whose time says something of the machine
 NOTABLE = 0.1  # change of that which is worth a file
 STAGES = frozenset({"read", "raster", "profile", "irradiance", "diffuse", "relight", "preview", "write"})
 
@@ -75,8 +76,10 @@ def whole_seconds(spec: SceneSpec) -> float:
 def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
     """Keep how much longer than the rule of thumb this machine takes; nothing where there is no place for it.
 
-    Stages that took nothing but reading say nothing.
+    Stages that took nothing but reading say nothing, nor do small bakes, which take what the process takes.
     """
+    if inputs.spec.texture.size[0] * inputs.spec.texture.size[1] < TELLING_TEXELS:
+        return
     before, rule = _kept(), rule_of_thumb(inputs.spec, inputs.decisions.budget)
     ran = {name: log.busy[name] / seconds for name, seconds in rule.items() if log.reused.get(name) is False}
     now = before | {name: _believed(0.5 * (before.get(name, times) + times)) for name, times in ran.items()}
@@ -92,7 +95,7 @@ def _believed(times: float) -> float:
 
 def _path() -> Path | None:
     cache = user_cache()
-    machine = key_of(platform.node(), processors(), skinbake.__version__)[:12]
+    machine = key_of(platform.node(), processors(), code_digest("skinbake.baking.cost_model"))[:12]
     return cache.folder / f"pace-{machine}.json" if cache else None
 
 

@@ -49,7 +49,7 @@ def test_more_to_do_takes_longer():
 def test_the_machine_s_pace_is_kept_and_renewed(tmp_path, monkeypatch):
     """A bake that takes twice as long as expected doubles what is expected; a damaged file says nothing."""
     monkeypatch.setenv("SKINBAKE_CACHE", str(tmp_path))
-    inputs, log = BakeInputs(head(256, 0.01), BakeSession(), StageLog()), StageLog()
+    inputs, log = BakeInputs(head(512, 0.01), BakeSession(), StageLog()), StageLog()
     rule = pace.rule_of_thumb(inputs.spec, inputs.decisions.budget)
     assert pace.paced(rule) == rule
     log.busy = {name: 2 * seconds for name, seconds in rule.items()}
@@ -61,3 +61,5 @@ def test_the_machine_s_pace_is_kept_and_renewed(tmp_path, monkeypatch):
     assert json.loads(path.read_text())["diffuse"] == pytest.approx(2)
     path.write_text("[")
     assert pace.paced(rule) == rule
+    pace.keep_pace(BakeInputs(head(256, 0.01), BakeSession(), StageLog()), log)
+    assert path.read_text() == "["  # too small to say anything
