@@ -264,6 +264,7 @@ def _judged(small: SceneSpec, slanted: bool, lines: list[Decision]) -> SceneSpec
     switches = {
         "incidence": "on" if slanted else "off",
         "beam": "off",
+        "curvature": "on" if of_term.get("curvature") else "off",
         "interreflection": "on" if of_term.get("interreflection") else "off",
         "transmission": "on" if of_term.get("transmission") else "off",
     }
