@@ -20,7 +20,7 @@
     mode: "full", other: "none", split: false, at: 0.5, exposure: bake.exposure,
     gains: bake.lights.map(() => 1), tints: bake.lights.map(() => "#ffffff"), camera: null,
   };
-  let said = "", gl = null, programs = {}, tiles = [], empty = null, targets = {}, ready = false, later = 0, wanted = false;
+  let said = "", gl = null, programs = {}, tiles = [], empty = null, targets = {}, ready = false, later = 0, wanted = 0;
 
   // --- bytes -----------------------------------------------------------------------------------------------------
 
@@ -320,11 +320,16 @@
 
   function redraw() {  // at once with a point a pixel, and with four as soon as nothing moves
     clearTimeout(later);
-    later = setTimeout(() => { later = 0; draw(2); addressed(); }, 160);
+    later = setTimeout(fine, 160);
     tell();
-    if (wanted) return;
-    wanted = true;
-    requestAnimationFrame(() => { wanted = false; draw(1); });
+    wanted ||= requestAnimationFrame(() => { wanted = 0; draw(1); });
+  }
+
+  function fine() {  // a coarse frame that a busy machine has not drawn yet must not come after it
+    cancelAnimationFrame(wanted);
+    wanted = later = 0;
+    draw(2);
+    addressed();
   }
 
   const framed = window.parent !== window;
