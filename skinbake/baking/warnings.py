@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skinbake.atlas.report import UvReport, uv_report
+from skinbake.diffuse.scatter import WANTS_MORE
 from skinbake.irradiance.light_texels import DARK
+from skinbake.profile.fit import MAX_GAUSSIANS
 
 if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
@@ -33,7 +35,7 @@ def look_warnings(spec: SceneSpec, scene: SceneData, texel_mm: float, gaussians:
     gaussians : GaussianSum
         The fitted profile.
     """
-    return [*scene.warnings, *_coarse(spec, texel_mm, gaussians)]
+    return [*scene.warnings, *_coarse(spec, texel_mm, gaussians), *_few_gaussians(spec, gaussians)]
 
 
 def bake_warnings(
@@ -59,6 +61,19 @@ def bake_warnings(
     uv = uv or uv_report(scene.mesh, stages.raster.result())
     finer = inputs.spec.texture.size[0] / inputs.asked.texture.size[0]  # texels as they were asked for
     return [*look_warnings(inputs.asked, scene, uv.mm_per_texel[1] * finer, baked.gaussians), *dark]
+
+
+def _few_gaussians(spec: SceneSpec, gaussians: GaussianSum) -> list[str]:
+    """A sentence where skins that maps vary share too few Gaussians."""
+    table, count = gaussians.table, int(np.count_nonzero(gaussians.variance_mm2))
+    if table is None or table.worst[1] <= (spec.skin.fit.tolerance or WANTS_MORE) or count >= MAX_GAUSSIANS:
+        return []
+    where, error = table.worst
+    node = ", ".join(f"{name} {value:.3g}" for name, value in where.items())
+    return [
+        f"the {count} Gaussians that the skins of your maps share are off by up to {error:.1%} (at {node}); "
+        f"skin.fit: {{gaussians: {min(count + 2, MAX_GAUSSIANS)}}} comes nearer"
+    ]
 
 
 def _coarse(spec: SceneSpec, texel_mm: float, gaussians: GaussianSum) -> list[str]:

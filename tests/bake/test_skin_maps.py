@@ -9,6 +9,7 @@ import yaml
 import skinbake
 from skinbake.baking.bake_look import bake_look
 from skinbake.baking.truth import bare_look
+from skinbake.baking.warnings import look_warnings
 from skinbake.bilinear import magnify_bilinear
 from skinbake.errors import ConfigError, InputError
 from skinbake.export.exports import write_exports
@@ -18,11 +19,16 @@ from skinbake.io.exr import Part, read_parts, rgb_channels, write_parts
 from skinbake.io.manifest import read_manifest
 from skinbake.io.mesh.write_obj import write_obj
 from skinbake.io.pictures import diffuse_of
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.profile import fit_skin
 from skinbake.profile.refit import refit
+from skinbake.profile.varying_skin import Range
+from skinbake.scene.maps import SkinMaps
 from tests.shapes import quad
 
 HEIGHT, WIDTH = 48, 60
 LEFT = np.arange(WIDTH) < WIDTH // 2
+WIDE = {"radius": Range(0.5, 1.5, 1.0)}
 FEW = {"fit": {"gaussians": 3}}
 OFF = ("energy_conservation", "incidence", "beam", "interreflection", "transmission")
 TWICE_ROUNDED = 1e-6  # float32 at another order of the same sums
@@ -109,6 +115,11 @@ def test_each_half_is_a_uniform_skin_and_probes_agree_where_they_meet(plane):
 def test_more_gaussians_are_proposed_where_they_are_too_few(plane):
     plan = plane({"radius": "steps.exr"}, {"fit": {"gaussians": 2}}).plan
     assert "skin.fit: {gaussians: 4}" in next(line for line in plan if line.term == "skin varies").why
+    spec = plane({"radius": "steps.exr"}, {"fit": {"gaussians": 2}}).look
+    few = fit_skin(spec.skin, over=WIDE).gaussians
+    (said,) = look_warnings(spec, SceneData(quad(60, 48), SkinMaps(), {}), 0.0, few)
+    assert said.startswith("the 2 Gaussians that the skins of your maps share are off by up to ")
+    assert said.endswith("skin.fit: {gaussians: 4} comes nearer")
 
 
 PHYSIOLOGY = {"model": "physiology", "melanin": 0.02, "haemoglobin": 0.005, "preset": None} | FEW
