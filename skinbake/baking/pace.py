@@ -1,7 +1,8 @@
 """How long the stages of a bake take on this machine, for whoever waits.
 
 `skinbake.baking.cost_model` says what they take on the machine that it was fitted on. How much longer this one takes is
-kept in the user's cache, a file a machine and version of the model; each bake renews it, and who removes the file begins anew.
+kept in the user's cache, a file a machine and version of the model; each bake renews it, and who removes the file
+begins anew.
 """
 
 from __future__ import annotations
