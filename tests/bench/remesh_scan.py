@@ -1,4 +1,4 @@
-"""The head of the Lee Perry-Smith scan as one fine closed surface for `skinbake truth`: `... remesh_scan SCAN OUT.obj`.
+"""The head of the Lee Perry-Smith scan as one closed surface for `skinbake truth`: `... remesh_scan SCAN OUT.obj`.
 
 The scan is closed, but its vertex normals lean away from its triangles by 2 degrees (median; 9 for a tenth of it), and
 walks meet the triangles. Voxels of 0.7 mm, smoothed, give a surface whose normals are its own; it is cut at the neck.
