@@ -142,7 +142,7 @@ def test_overrides_are_named_in_their_faults(look):
         ("preview.size=5", "preview.size: expected a list, got 5"),
         ("preview.exposure=abc", "preview.exposure: expected a number, got 'abc'"),
         ("preview.exposure=[1]", "preview.exposure: expected a number, got a list"),
-        ("lights=[]", "lights: expected a list of at least 1, got 0"),
+        ("lights=[]", "lights: expected at least one light, or relight for those that come later, got none"),
         ("lights.key=5", "lights[0]: expected a mapping, got 5"),
         ("skin=null", "skin: expected a mapping, got nothing"),
     ],
