@@ -71,7 +71,10 @@ def _unscaled(
         from skinbake.profile.transport import trace_layers
 
         return trace_layers(
-            tuple(map(as_layer, skin.layers)), photons or skin.photons, skin.seed if seed is None else seed
+            tuple(map(as_layer, skin.layers)),
+            photons or skin.photons,
+            skin.seed if seed is None else seed,
+            incidence=skin.incidence,
         )
     if isinstance(skin, PhysiologySkin):
         from skinbake.profile.physiology import physiological_layers

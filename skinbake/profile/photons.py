@@ -95,18 +95,20 @@ def fresnel(n_from, n_to, cos_from):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def trace(seed, photons, layers, index, annuli):  # type: ignore[no-untyped-def]
+def trace(seed, photons, layers, index, annuli, diffuse):  # type: ignore[no-untyped-def]
     """Sums of the weights, and of their squares, that leave through each annulus; theory.md 9.1.
 
     Parameters
     ----------
     seed : uint64
     photons : int
-        Perpendicular packets of weight 1 that have already entered the top face at the origin.
+        Packets of weight 1 that have already entered the top face at the origin.
     layers : WalkLayers
     index : ndarray of shape (L + 2,)
         Refractive indices, with the outside above and below.
     annuli : Annuli
+    diffuse : bool
+        Entered from all directions, as light of a constant sky; else along the normal.
 
     Returns
     -------
@@ -128,6 +130,15 @@ def trace(seed, photons, layers, index, annuli):  # type: ignore[no-untyped-def]
     for _ in range(photons):
         x, y, z = 0.0, 0.0, 0.0
         ux, uy, uz = 0.0, 0.0, 1.0
+        if diffuse:
+            # Flux arrives cosine distributed; what the face reflects has not entered
+            while True:
+                state += GOLDEN
+                reflected, uz = fresnel(index[0], index[1], math.sqrt(uniform(mixed(state))))
+                state += GOLDEN
+                if reflected == 0.0 or uniform(mixed(state)) >= reflected:
+                    break
+            ux = math.sqrt(max(0.0, 1.0 - uz * uz))  # annuli do not know the azimuth
         weight = 1.0
         layer = 0
         events = 0

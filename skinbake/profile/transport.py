@@ -126,8 +126,10 @@ class TransportProfile(DiffusionProfile):
         return AnnulusNodes(edge, self._seen(self.light[0]) / (np.pi * np.diff(edge**2))[:, None], self.total[0])
 
 
-def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: int | None = None) -> TransportProfile:
-    """Trace a perpendicular pencil beam into a stack of layers, `photons` packets a channel; theory.md 9.1.
+def trace_layers(
+    layers: Sequence[Layer], photons: int, seed: int = 0, threads: int | None = None, incidence: str = "perpendicular"
+) -> TransportProfile:
+    """Trace light that enters a stack of layers at a point, `photons` packets a channel; theory.md 9.1.
 
     Parameters
     ----------
@@ -138,11 +140,13 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
         The same seed gives the same result, bit for bit, on any number of threads.
     threads : int, optional
         As many as the machine has, unless given.
+    incidence : "perpendicular" or "diffuse"
+        A pencil beam along the normal, or light from everywhere, cosine distributed as it arrives.
 
     Raises
     ------
     ValueError
-        If `photons` is below 1, or as `without_empty`.
+        If `photons` is below 1, `incidence` another word, or as `without_empty`.
 
     References
     ----------
@@ -152,6 +156,8 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
 
     if photons < 1:
         raise ValueError(f"photons: expected at least 1, got {photons}")
+    if incidence not in ("perpendicular", "diffuse"):
+        raise ValueError(f"incidence: expected perpendicular or diffuse, got {incidence}")
     layers = without_empty(layers)
     shortest, longest = media_lengths(tuple(layer.medium for layer in layers))
     first, last = shortest / 50, 30 * longest
@@ -177,7 +183,7 @@ def trace_layers(layers: Sequence[Layer], photons: int, seed: int = 0, threads: 
         stream = np.random.SeedSequence([seed, channel, chunk]).generate_state(1, np.uint64)[0]
         sigma_t = sigma_a + sigma_s
         medium = WalkLayers(face, sigma_t, sigma_s / sigma_t, g)
-        result = trace(stream, share[chunk], medium, index, annuli)
+        result = trace(stream, share[chunk], medium, index, annuli, incidence == "diffuse")
         return result
 
     channels = range(len(layers[0].medium.albedo))

@@ -126,7 +126,7 @@ class MultipoleSkin(_Layered):
 
 
 class TransportSkin(_Layered):
-    """Layers by Monte Carlo, theory.md 9.1 [Wang1995]: R(r) of a perpendicular pencil beam per unit flux that
+    """Layers by Monte Carlo, theory.md 9.1 [Wang1995]: R(r) of light that enters at a point, per unit flux that
     entered.
     """
 
@@ -136,6 +136,8 @@ class TransportSkin(_Layered):
     """A channel."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Of the walks."""
+    incidence: Literal["perpendicular", "diffuse"] = "perpendicular"
+    """How the light enters: a beam along the normal, or from everywhere, as a sky's light and light from skin do."""
 
 
 class DipoleSkin(_Skin):

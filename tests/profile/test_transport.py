@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
 
+from skinbake.profile.chandrasekhar import half_space_diffuse_reflectance
+from skinbake.profile.incidence import reflect_slanted
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
 from skinbake.profile.models import DipoleProfile
+from skinbake.profile.photons import fresnel
 from skinbake.profile.transport import trace_layers
 from skinbake.profile.variable_projection import Fitter
 
@@ -138,3 +141,28 @@ def test_vectors(vectors, three_layers):
     out = trace_layers([layer(1.0, 9.0, np.inf, 1.5)], 200_000, seed=9)
     found = 0.96 * out.total[0, 0] + np.array([0.04, 0.0])
     assert (np.abs(found - half["expected"]) < half["atol"] + 3 * out.total_error[0, 0]).all()
+
+
+def test_light_from_everywhere_gives_back_what_its_slants_do():
+    """The total is Chandrasekhar's 0.6253 where that holds, else that of the slants; slants carry it further."""
+    skin = layer(0.228, 0.772, np.inf, 1.0)
+    pencil, diffuse = (trace_layers([skin], 200_000, 3, None, how) for how in ("perpendicular", "diffuse"))
+    (expected,) = half_space_diffuse_reflectance(np.array([0.772]))
+    assert z(diffuse.total[0, 0], diffuse.total_error[0, 0], expected) < Z_LIMIT
+    inside = [
+        profile.light[0, profile.edge_mm[1:] < 1.0, 0].sum() / profile.total[0, 0] for profile in (pencil, diffuse)
+    ]
+    assert inside[1] < 0.98 * inside[0]
+    glossy = Layer(Medium(np.array([0.05]), np.array([1.5])), 2.0, 1.4, 0.5)
+    out = trace_layers([glossy], 100_000, 4, incidence="diffuse")
+    slants = reflect_slanted([glossy], 60_000)
+    # Of the slants, those that get in count
+    mu = np.linspace(0, 1, 2001)
+    enters = mu * np.array([1 - fresnel(1.0, 1.4, m)[0] for m in mu])
+    entered = np.interp(mu, slants.cosine, slants.reflectance_rgb[:, 0])
+    assert out.total[0, 0] == pytest.approx((enters * entered).sum() / enters.sum(), rel=0.01)
+
+
+def test_another_way_to_enter_is_refused():
+    with pytest.raises(ValueError, match="incidence: expected perpendicular or diffuse, got slanted"):
+        trace_layers([layer(1, 1, 1.0, 1.4)], 10, incidence="slanted")
