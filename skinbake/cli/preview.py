@@ -15,11 +15,9 @@ from skinbake.errors import ConfigError, InputError, printable
 if TYPE_CHECKING:
     from skinbake.io.bake_folder import BakeFolder
     from skinbake.irradiance.environment_map import Image
-    from skinbake.preview.other_skin import OtherSkin
     from skinbake.preview.relit import LaterLight
     from skinbake.preview.relit_controls import RelitControls
     from skinbake.preview.scene import PreviewScene
-    from skinbake.profile import GaussianSum
 
 
 @click.command("preview")
@@ -113,6 +111,7 @@ def command(
     if not pictures and has_display():
         from skinbake.baking.window_actions import window_actions
         from skinbake.io.bake_folder import read_bake_folder, read_relit_folder
+        from skinbake.io.other_skins import other_skin, other_skins
         from skinbake.preview.platform import renderer_words
         from skinbake.preview.window import PreviewWindow
         from skinbake.progress import Progress
@@ -287,35 +286,6 @@ def parse_sun(text: str) -> tuple[list[float], list[float]]:
     return direction, irradiance
 
 
-def other_skin(baked: BakeFolder, name: str) -> OtherSkin:
-    """A skin, by its name or file, on the lobes of a bake.
-
-    Raises
-    ------
-    InputError, ConfigError
-        There is no such skin, or its file cannot be used.
-    """
-    from skinbake.io.config import load_named_skin
-    from skinbake.io.table import read_profile_csv
-    from skinbake.preview.other_skin import OtherSkin, stored_variances
-    from skinbake.profile.refit import refit
-
-    def fit() -> GaussianSum:
-        # White or not is the bake's: it goes with its albedo
-        skin = load_named_skin(name).model_copy(update={"normalise": baked.spec.skin.normalise})
-        csv = read_profile_csv(skin.path) if skin.model == "table" else None
-        return refit(skin, stored_variances(baked.scene), baked.scene.table, csv)
-
-    return OtherSkin(Path(name).stem, fit)
-
-
-def other_skins(baked: BakeFolder) -> list[OtherSkin]:
-    """The skins that come with skinbake, on the lobes of a bake."""
-    from skinbake.io.config import skin_names
-
-    return [other_skin(baked, name) for name in skin_names()]
-
-
 def shown_with(baked: BakeFolder, name: str, verbosity: int) -> PreviewScene:
     """The scene of a bake with another skin; how far its fit is off is told.
 
@@ -331,6 +301,7 @@ def shown_with(baked: BakeFolder, name: str, verbosity: int) -> PreviewScene:
     InputError, ConfigError
         There is no such skin, or it does not go with this bake.
     """
+    from skinbake.io.other_skins import other_skin
     from skinbake.preview.other_skin import skin_line, with_skin
 
     skin = other_skin(baked, name)

@@ -16,6 +16,7 @@ from skinbake.io.bake_folder import BakeFolder, read_bake_folder
 from skinbake.io.manifest import read_manifest
 from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.page.coded_image import CodedImage, coded, halves
+from skinbake.page.page_skins import page_skins
 from skinbake.preview import tonemap
 from skinbake.preview.camera import PORTRAIT_YFOV_DEG, VIEWS, Camera, camera_of, view
 from skinbake.preview.geometry import VertexBuffers, vertex_buffers
@@ -177,6 +178,7 @@ def _page_data(bake: BakeFolder, lights: tuple[ShaderLight, ...]) -> dict[str, A
             {"weight": [float(w) for w in lobe.weight_rgb], "variance_mm2": lobe.variance_mm2} for lobe in scene.lobes
         ],
         "total_weight": scene.total_weight_rgb.tolist(),
+        "skins": page_skins(bake),
         "table": None if scene.table is None else table_bounds(scene.table).tolist(),
         "albedo_exponent_after": 1 - scene.texturing.exponent_before,
         "normal_strength": scene.maps.normal_strength,

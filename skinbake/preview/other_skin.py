@@ -43,8 +43,13 @@ def with_skin(scene: PreviewScene, gaussians: GaussianSum) -> PreviewScene:
     return replace(scene, lobes=tuple(lobes), table=gaussians.table)
 
 
+def wants_bake(gaussians: GaussianSum) -> bool:
+    """Whether a fit is so far off that its skin should be baked."""
+    return float(gaussians.relative_error_rgb.max()) > BAKE_AGAIN
+
+
 def skin_line(name: str, gaussians: GaussianSum) -> str:
     """What is shown, how far its weights are from its profile, and whether it should be baked."""
     error = float(gaussians.relative_error_rgb.max())
-    wanted = "; bake again for this one" if error > BAKE_AGAIN else ""
+    wanted = "; bake again for this one" if wants_bake(gaussians) else ""
     return f"skin {name}: its fit on these lobes is off by {error:.2%}{wanted}"

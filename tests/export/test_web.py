@@ -13,16 +13,21 @@ from PIL import Image
 
 import skinbake
 from skinbake.cli import run
+from skinbake.cli.preview import shown_with
 from skinbake.errors import InputError
 from skinbake.export.web import NAME
 from skinbake.io.bake_folder import read_bake_folder
+from skinbake.io.config import skin_names
+from skinbake.io.other_skins import other_skin
 from skinbake.io.png import write_png
 from skinbake.io.webp import webp_pixels
 from skinbake.page.batch_page import PageLook, batch_page
 from skinbake.page.coded_image import coded
+from skinbake.page.page_skins import page_skins
 from skinbake.preview.camera import view
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import parse_mode
+from skinbake.preview.other_skin import skin_line
 from skinbake.preview.setup_gl import renderer_name
 from skinbake.preview.views import tone_map
 from tests.export.browser import Browser
@@ -105,21 +110,23 @@ def test_skin_that_varies_is_drawn_as_the_preview_does(bake, tmp_path):
         browser.open(tmp_path / "x" / NAME)
         browser.run("await until(() => window.skinbake && skinbake.ready());")
         compare(browser, tmp_path / "bake", ["front", "left"], ["full", "none"])
+        assert browser.run("return document.getElementById('skin-row').checkVisibility();") is False
 
 
-def compare(browser, bake, views, modes):
-    """Look at each view in each mode, in the browser and in the preview."""
-    asked = json.dumps({"views": views, "modes": modes, "width": SIZE[0], "height": SIZE[1]})
+def compare(browser, bake, views, modes, skin=""):
+    """Look at each view in each mode, in the browser and in the preview, also with another skin."""
+    asked = json.dumps({"views": views, "modes": modes, "width": SIZE[0], "height": SIZE[1], "skin": skin})
     drawn = browser.run(
         f"const asked = {asked}, out = {{}};"
         "for (const view of asked.views) for (const mode of asked.modes)"
-        "  out[`${view} ${mode}`] = await skinbake.render({ view, mode, width: asked.width, height: asked.height });"
+        "  out[`${view} ${mode}`] = await skinbake.render({ ...asked, view, mode });"
         "return out;"
     )
     assert browser.problems == []
     read = read_bake_folder(bake)
     aspect = read.spec.preview.size[0] / read.spec.preview.size[1]
-    with OffscreenRenderer(read.scene) as renderer:
+    scene = shown_with(read, skin, 0) if skin else read.scene
+    with OffscreenRenderer(scene) as renderer:
         for name in views:
             for mode in modes:
                 shown = renderer.draw(
@@ -131,6 +138,66 @@ def compare(browser, bake, views, modes):
                 near = np.abs(got - want).max(axis=-1) <= 2
                 assert near.mean() >= 0.995, (name, mode)
                 assert want.max() > 60 or mode == "specular"
+
+
+@pytest.mark.skipif(renderer_name() is None, reason="no headless OpenGL here")
+def test_another_skin_is_drawn_as_the_preview_does(browser, bake):
+    """With the weights that `preview --skin` finds; it is another picture than that of the bake's own skin."""
+    compare(browser, bake, ["front", "left"], ["full", "diffuse", "none"], "jensen-skin2")
+    found = browser.run("""
+        const ask = { view: "front", mode: "diffuse", width: 60, height: 75 };
+        return await skinbake.render(ask) !== await skinbake.render({ ...ask, skin: "jensen-skin2" });
+    """)
+    assert found
+
+
+def test_a_skin_is_chosen_by_name_with_the_error_of_its_fit(browser, bake):
+    """The box has a label, the line that the preview prints, and the link the choice; a link without it is as baked."""
+    found = browser.run("""
+        const at = (id) => document.getElementById(id), picture = () => at("picture").toDataURL();
+        const moment = () => new Promise((r) => setTimeout(r, 100));
+        const settled = async () => { await moment(); await until(() => skinbake.still()); };
+        const choose = async (name) => { at("skin").value = name; at("skin").onchange(); await settled(); };
+        await choose("");
+        const before = picture();
+        await choose("jensen-skin2");
+        const other = picture();
+        at("link").click();
+        const link = location.hash, line = at("skin-line").textContent;
+        await choose("");
+        const back = picture(), silent = at("skin-line").textContent;
+        location.hash = link;
+        await until(() => at("skin").value === "jensen-skin2");
+        await settled();
+        const again = picture();
+        location.hash = link.replace("skin=jensen-skin2", "skin=nobody");
+        await settled();
+        const unknown = at("skin").value;
+        await choose("");
+        return { link, line, silent, unknown, label: at("skin").labels[0].textContent.startsWith("Skin "),
+                 option: [...at("skin").options].find((o) => o.value === "jensen-skin2").textContent,
+                 pictures: [before === back, before !== other, other === again] };
+    """)
+    assert "skin=jensen-skin2" in found["link"]
+    fit = other_skin(read_bake_folder(bake), "jensen-skin2").fit()
+    assert found["line"] == skin_line("jensen-skin2", fit)
+    assert "bake again for this one" in found["line"]
+    assert found["option"] == "jensen-skin2 (bake again for this one)"
+    assert (found["silent"], found["unknown"], found["label"]) == ("", "jensen-skin2", True)
+    assert found["pictures"] == [True, True, True]
+
+
+def test_the_skin_that_was_baked_needs_no_other_bake(bake, tmp_path):
+    """A page marks the skins whose fit is off by more than 3 %, and only those."""
+    skin = ["--set", "skin={preset: jensen-skin1, fit: {gaussians: 4}}", "--no-preview", "--quiet"]
+    assert run(["bake", str(bake.parent / "me.yaml"), *skin, "--out", str(tmp_path)]) == 0
+    read = read_bake_folder(tmp_path)
+    skins = page_skins(read)
+    assert [skin["name"] for skin in skins if not skin["again"]] == ["jensen-skin1"]
+    assert len(skins) == len(skin_names())
+    own = [lobe.weight_rgb for lobe in read.scene.lobes]
+    np.testing.assert_allclose(skins[0]["weights"], own, atol=1e-3)  # the bake's own fit, found again
+    np.testing.assert_allclose(skins[0]["total_weight"], read.scene.total_weight_rgb, rtol=1e-6)
 
 
 def test_controls_change_the_picture_and_a_link_brings_it_back(browser):

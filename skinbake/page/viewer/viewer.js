@@ -19,6 +19,7 @@
   const state = {
     mode: "full", other: "none", split: false, at: 0.5, exposure: bake.exposure,
     gains: bake.lights.map(() => 1), tints: bake.lights.map(() => "#ffffff"), camera: null,
+    skin: "",  // the bake's own, or the name of another on its lobes
   };
   let said = "", gl = null, programs = {}, tiles = [], empty = null, targets = {}, ready = false, later = 0, wanted = 0;
 
@@ -231,13 +232,17 @@
     return x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4;
   });
 
+  const baked = { weights: bake.lobes.map((l) => l.weight), total_weight: bake.total_weight, line: "" };
+  const skinOf = (name) => bake.skins.find((skin) => skin.name === name) || baked;
+
   function drawSkin(mode, camera, aspect) {
     const { V, P, eye } = matrices(camera, aspect);
     const gains = state.gains.map((gain, i) => linear(state.tints[i]).map((c) => c * gain));
     const layers = bake.separate || mode === "none" ? gains.flat() : [1, 1, 1];
     const lamps = bake.shader_lights;
     const lamp = lamps.color.flatMap((rgb, i) => rgb.map((x, c) => x * gains[lamps.light[i]][c]));
-    const weights = mode.startsWith("lobe") ? bake.lobes.flatMap(() => [1, 1, 1]) : bake.lobes.flatMap((l) => l.weight);
+    const skin = skinOf(state.skin);
+    const weights = mode.startsWith("lobe") ? bake.lobes.flatMap(() => [1, 1, 1]) : skin.weights.flat();
     for (const tile of tiles) {
       const { program, place } = skinProgram(tile, mode);
       gl.useProgram(program);
@@ -246,7 +251,7 @@
       gl.uniform3fv(place("cam_pos"), eye);
       gl.uniform3fv(place("lobe_weight"), weights);
       gl.uniform3fv(place("layer_gain"), layers);
-      gl.uniform3fv(place("total_weight"), bake.total_weight);
+      gl.uniform3fv(place("total_weight"), skin.total_weight);
       gl.uniform1iv(place("light_kind"), lamps.kind);
       gl.uniform1iv(place("light_layer"), lamps.light);
       gl.uniform3fv(place("light_at"), lamps.at.flat());
@@ -441,6 +446,12 @@
       $(id).append(...bake.modes.map((m) => option(m.name, m.label)));
       $(id).onchange = () => { state[id] = $(id).value; redraw(); };
     }
+    if (bake.skins.length) {
+      $("skin").append(option("", "as baked"),
+        ...bake.skins.map((skin) => option(skin.name, skin.again ? `${skin.name} (bake again for this one)` : skin.name)));
+      $("skin").onchange = () => { state.skin = $("skin").value; shown(); redraw(); };
+    }
+    $("skin-row").hidden = !bake.skins.length;
     $("view").append(...Object.keys(bake.views).map((name) => option(name, name)));
     $("view").onchange = () => { state.camera = fitted(bake.views[$("view").value]); redraw(); };
     $("split").onchange = () => { state.split = $("split").checked; $("divider").hidden = !state.split; redraw(); };
@@ -485,6 +496,8 @@
   function shown() {  // the controls show the state
     $("mode").value = state.mode;
     $("other").value = state.other;
+    $("skin").value = state.skin;
+    $("skin-line").textContent = skinOf(state.skin).line;
     $("split").checked = state.split;
     $("divider").hidden = !state.split;
     $("divider").style.left = `${100 * state.at}%`;
@@ -498,11 +511,12 @@
     });
   }
 
-  function hash(lights = true) {  // what is shown, as a link has it
+  function hash(own = true) {  // what is shown, as a link has it; without what each look has its own of
     const c = state.camera;
     const parts = { view: [c.azimuth, c.elevation, c.distance, ...c.target].join(","), mode: state.mode,
       exposure: state.exposure };
-    if (lights) Object.assign(parts, { gains: state.gains.join(","), tints: state.tints.map((t) => t.slice(1)).join(",") });
+    if (own) Object.assign(parts, { gains: state.gains.join(","), tints: state.tints.map((t) => t.slice(1)).join(",") });
+    if (own && bake.skins.length) parts.skin = state.skin;
     if (state.split) Object.assign(parts, { other: state.other, at: state.at });
     return new URLSearchParams(parts).toString();
   }
@@ -521,6 +535,7 @@
     if (state.split) state.other = asked.get("other");
     if (asked.has("exposure") && Number.isFinite(number("exposure"))) state.exposure = number("exposure");
     if (asked.has("at") && Number.isFinite(number("at"))) state.at = Math.min(1, Math.max(0, number("at")));
+    if (asked.get("skin") === "" || bake.skins.some((skin) => skin.name === asked.get("skin"))) state.skin = asked.get("skin");
     const gains = (asked.get("gains") || "").split(",").map(Number);
     if (gains.length === state.gains.length && gains.every((g) => Number.isFinite(g) && g >= 0)) state.gains = gains;
     const tints = (asked.get("tints") || "").split(",");
@@ -531,9 +546,9 @@
   window.skinbake = {
     ready: () => ready,
     still: () => ready && !wanted && !later,  // nothing is left to be drawn
-    async render({ view, mode = "full", width, height, exposure = bake.exposure }) {
+    async render({ view, mode = "full", width, height, exposure = bake.exposure, skin = "" }) {
       const kept = { ...state, gains: [...state.gains] }, size = [canvas.width, canvas.height];
-      Object.assign(state, { mode, exposure, split: false, camera: { ...bake.views[view] } });
+      Object.assign(state, { mode, exposure, skin, split: false, camera: { ...bake.views[view] } });
       [canvas.width, canvas.height] = [width, height];
       draw(2);
       const picture = canvas.toDataURL("image/png");
