@@ -21,6 +21,7 @@ from skinbake.preview import tonemap
 from skinbake.preview.camera import PORTRAIT_YFOV_DEG, VIEWS, Camera, camera_of, view
 from skinbake.preview.geometry import VertexBuffers, vertex_buffers
 from skinbake.preview.mode import NAMES, Mode
+from skinbake.preview.normal_levels import normal_levels
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_defines import SHADERS, SWITCHES, shader_defines
 from skinbake.preview.shader_light import ShaderLight, shader_lights
@@ -112,6 +113,15 @@ def _tile(
     add("albedo", "albedo", [maps.albedo.get(number, constant)], "sqrt")
     up = np.array([[[0.0, 0.0, 1.0]]], np.float32)
     add("normal_map", "normals", [maps.normal.get(number, up)], "linear", lossless=True)
+    if number in maps.normal:
+        coarser = normal_levels(maps.normal[number], maps.normal_strength, maps.normal_space)[1:]
+        textures["normal_map"][0]["levels"] = [
+            {
+                "normal": coded(level[..., :3], "linear", lossless=True).record,
+                "variance": coded(level[..., 3], "sqrt", lossless=True).record,
+            }
+            for level in coarser
+        ]
     add("roughness_map", "roughness", [maps.roughness.get(number, scene.specular.roughness * one)], "linear", True)
     if number in maps.f0:
         add("f0_map", "roughness", [maps.f0[number]], "linear", True)

@@ -35,6 +35,8 @@ class GeometryBuffer:
         w is the bitangent's sign.
     uv : ndarray of shape (H, W, 2)
         Within the tile, v up.
+    normal_level : ndarray of shape (H, W)
+        Level of the normal map that is read: log2 of its texels across the pixel, at least 0; 0 without a map.
     tile : ndarray of shape (H, W), int32
         UDIM number, 0 where nothing is shown.
     """
@@ -43,6 +45,7 @@ class GeometryBuffer:
     normal: Plane
     tangent: Plane
     uv: Plane
+    normal_level: Plane
     tile: NDArray[np.int32]
 
 
@@ -248,5 +251,10 @@ def _geometry(planes: list[Plane]) -> GeometryBuffer:
     """Geometry buffer from the attachments' planes, (H, W, 4) each."""
     position, normal, tangent, uv = planes
     return GeometryBuffer(
-        position[..., :3], normal[..., :3], tangent, uv[..., :2], np.rint(position[..., 3]).astype(np.int32)
+        position[..., :3],
+        normal[..., :3],
+        tangent,
+        uv[..., :2],
+        uv[..., 2],
+        np.rint(position[..., 3]).astype(np.int32),
     )

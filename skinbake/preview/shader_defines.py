@@ -10,6 +10,7 @@ from skinbake.irradiance.oil_layer import HALF_SQUARED_MIN, ROUGHNESS_MIN
 from skinbake.irradiance.punctual_light import NEAREST_MM
 from skinbake.preview import shader_light
 from skinbake.preview.mode import Mode
+from skinbake.preview.normal_levels import LEVELS
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_light import ENVIRONMENT, ShaderLight
 
@@ -22,6 +23,7 @@ CONSTANTS = {
         ("NEAREST_MM", NEAREST_MM),
         ("ROUGHNESS_MIN", ROUGHNESS_MIN),
         ("HALF_SQUARED_MIN", HALF_SQUARED_MIN),
+        ("LAST_NORMAL_LEVEL", float(LEVELS - 1)),
         ("DIRECTIONAL", shader_light.DIRECTIONAL),
         ("POINT", shader_light.POINT),
         ("SPOT", shader_light.SPOT),

@@ -14,12 +14,13 @@ from OpenGL import GL
 
 from skinbake.errors import MachineError
 from skinbake.irradiance.oil_albedo import oil_table
+from skinbake.preview.normal_levels import normal_levels
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.skin_table import table_images
 from skinbake.scene.spec import SpecularSpec
 
 SMALLEST = 256  # texels a side: a driver that has no room for that is not merely small
-_FORMAT = {1: GL.GL_RED, 2: GL.GL_RG, 3: GL.GL_RGB}
+_FORMAT = {1: GL.GL_RED, 2: GL.GL_RG, 3: GL.GL_RGB, 4: GL.GL_RGBA}
 _INTERNAL = {
     (1, "float16"): GL.GL_R16F,
     (2, "float16"): GL.GL_RG16F,
@@ -27,6 +28,8 @@ _INTERNAL = {
     (1, "float32"): GL.GL_R32F,
     (2, "float32"): GL.GL_RG32F,
     (3, "float32"): GL.GL_RGB32F,
+    (4, "float16"): GL.GL_RGBA16F,
+    (4, "float32"): GL.GL_RGBA32F,
 }
 
 
@@ -66,14 +69,47 @@ def upload(image: NDArray[np.floating]) -> int:
             return texture
 
 
-def _send(image: NDArray[np.floating], dtype: str) -> None:
-    """Fill the bound texture with pixels (L, h, w, k)."""
+def upload_levels(levels: list[NDArray[np.floating]]) -> int:
+    """Send an image with its coarser levels, which are read trilinearly; its OpenGL name.
+
+    Parameters
+    ----------
+    levels : list of ndarray of shape (h, w, k)
+        Each half as large as the one before; what the driver does not take is left out.
+
+    Raises
+    ------
+    MachineError
+        No memory even for a small one.
+    """
+    largest = int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE))
+    while len(levels) > 1 and max(levels[0].shape) > largest:
+        levels = levels[1:]
+    dtype = "float16" if levels[0].dtype == np.float16 else "float32"
+    while True:
+        texture = _bilinear_texture()
+        GL.glTexParameteri(GL.GL_TEXTURE_2D_ARRAY, GL.GL_TEXTURE_MIN_FILTER, GL.GL_LINEAR_MIPMAP_LINEAR)
+        GL.glTexParameteri(GL.GL_TEXTURE_2D_ARRAY, GL.GL_TEXTURE_MAX_LEVEL, len(levels) - 1)
+        try:
+            for number, image in enumerate(levels):
+                _send(np.ascontiguousarray(image[None], dtype), dtype, number)
+        except GL.GLError as error:
+            GL.glDeleteTextures([texture])
+            if len(levels) == 1 or max(levels[0].shape) <= SMALLEST:
+                raise MachineError(f"the graphics card took no map of normals: {error.description}") from error
+            levels = levels[1:]
+        else:
+            return texture
+
+
+def _send(image: NDArray[np.floating], dtype: str, level: int = 0) -> None:
+    """Fill a level of the bound texture with pixels (L, h, w, k)."""
     layers, height, width, channels = image.shape
     GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
     kind = GL.GL_HALF_FLOAT if dtype == "float16" else GL.GL_FLOAT
     internal, form = _INTERNAL[channels, dtype], _FORMAT[channels]
     pixels = ctypes.c_void_p(image.ctypes.data)  # as a pointer: PyOpenGL knows no array of halves
-    GL.glTexImage3D(GL.GL_TEXTURE_2D_ARRAY, 0, internal, width, height, layers, 0, form, kind, pixels)
+    GL.glTexImage3D(GL.GL_TEXTURE_2D_ARRAY, level, internal, width, height, layers, 0, form, kind, pixels)
 
 
 def _halved(image: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -139,6 +175,7 @@ class TileTextures:
             self._images |= table_images(scene.table, maps, tile)
         if tile in scene.open_sky:
             self._images["open_sky"] = scene.open_sky[tile]
+        self._normal_kind = maps.normal_strength, maps.normal_space
         self._own: dict[str, int] = {}
         self._shared = {"oil_albedo": oil_albedo}
         self.names = (*self._images, *self._shared)
@@ -149,7 +186,9 @@ class TileTextures:
         if name in self._shared:
             return self._shared[name]
         if name not in self._own:
-            self._own[name] = upload(self._images[name])
+            image = self._images[name]
+            levels = name == "normal_map" and self.has_normal_map
+            self._own[name] = upload_levels(normal_levels(image[0], *self._normal_kind)) if levels else upload(image)
         return self._own[name]
 
     def set_weights(self, scene: PreviewScene) -> None:

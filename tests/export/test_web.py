@@ -97,19 +97,22 @@ def test_it_draws_what_the_preview_draws(browser, bake):
 
 @pytest.mark.skipif(renderer_name() is None, reason="no headless OpenGL here")
 def test_skin_that_varies_is_drawn_as_the_preview_does(bake, tmp_path):
-    """By the same table of weights, read at the same maps."""
+    """By the same table of weights, read at the same maps; and bumps that are finer than a pixel."""
+    bumps = 128 + 50 * np.sin(np.arange(900) * 1.3)[:, None, None] * np.sin(np.arange(1200) * [[1.1], [0.9]]).T
+    write_png(bake.parent / "bumps.png", np.dstack([bumps, np.full(bumps.shape[:2], 230.0)]).astype(np.uint8))
     for name, low in (("radius", 60), ("share", 0)):
         ramp = np.linspace(low, 255, 24).astype(np.uint8)
         write_png(bake.parent / f"{name}.png", np.repeat(np.tile(ramp, (16, 1))[..., None], 3, axis=2))
     maps = [f"maps.radius={bake.parent / 'radius.png'}", f"maps.scatter={bake.parent / 'share.png'}"]
     look = ["bake", str(bake.parent / "me.yaml"), "--set", maps[0], "--set", maps[1]]
+    look += ["--set", f"maps.normal={bake.parent / 'bumps.png'}"]
     skin = ["--set", "skin={preset: jensen-skin1, fit: {gaussians: 3}}", "--no-preview", "--quiet"]
     assert run([*look, *skin, "--out", str(tmp_path / "bake")]) == 0
     assert run(["export", str(tmp_path / "bake"), "--to", str(tmp_path / "x"), "--web", "--quiet"]) == 0
     with Browser(tmp_path / "browser") as browser:
         browser.open(tmp_path / "x" / NAME)
         browser.run("await until(() => window.skinbake && skinbake.ready());")
-        compare(browser, tmp_path / "bake", ["front", "left"], ["full", "none"])
+        compare(browser, tmp_path / "bake", ["front", "left"], ["full", "none", "specular"])
         assert browser.run("return document.getElementById('skin-row').checkVisibility();") is False
 
 

@@ -6,6 +6,7 @@ from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.oil_albedo import specular_albedo
 from skinbake.irradiance.oil_layer import kelemen_brdf
 from skinbake.numerics import normalized, safe_div
+from skinbake.preview.normal_levels import normal_levels
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, RectangleLight, SpotLight
 
 
@@ -37,15 +38,15 @@ def shade(scene, geometry, camera, mode, gains):
         at = geometry.tile == tile
         planes = [
             np.asarray(p[at], np.float64)
-            for p in (geometry.position_mm, geometry.normal, geometry.tangent, geometry.uv)
+            for p in (geometry.position_mm, geometry.normal, geometry.tangent, geometry.uv, geometry.normal_level)
         ]
         out[at] = _shade(scene, tile, *planes, camera.position_mm, mode, gains)
     return out
 
 
-def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
+def _shade(scene, tile, position, normal, tangent, uv, level, eye, mode, gains):
     smooth = normalized(normal)
-    n = _mapped(scene.maps, tile, normal, tangent, uv)
+    n, variance = _mapped(scene.maps, tile, normal, tangent, uv, level)
     v = normalized(eye - position)
     maps, spec = scene.maps, scene.specular
     m = (
@@ -53,12 +54,13 @@ def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
         if tile in maps.roughness
         else np.full(len(uv), spec.roughness)
     )
+    m = np.minimum(np.sqrt(np.clip(m, 1e-4, 1) ** 2 + variance), 1)
     factor = bilinear(maps.specular[tile][..., None], uv)[:, 0] if tile in maps.specular else 1.0
     rho_s = spec.strength * factor
     albedo = bilinear(maps.albedo[tile], uv) if tile in maps.albedo else np.broadcast_to(maps.albedo_rgb, (len(uv), 3))
     f0 = bilinear(maps.f0[tile][..., None], uv)[:, 0] if tile in maps.f0 else spec.f0
-    cosine, clipped = (n * v).sum(1), np.clip(m, 1e-4, 1)
-    albedo_of_oil = _oil_albedo(cosine, clipped, f0)
+    cosine = (n * v).sum(1)
+    albedo_of_oil = _oil_albedo(cosine, m, f0)
     if spec.second is not None:
         of_second = _oil_albedo(cosine, np.full(len(uv), spec.second.roughness), f0)
         albedo_of_oil = (1 - spec.second.mix) * albedo_of_oil + spec.second.mix * of_second
@@ -97,9 +99,10 @@ def _shade(scene, tile, position, normal, tangent, uv, eye, mode, gains):
                 soft = 1.0
                 if tile in maps.normal:
                     soft = softened(cos, (smooth * to_light).sum(1))
-                f = kelemen_brdf(n, to_light, v, np.clip(m, 1e-4, 1), f0, rho_s)
+                f = kelemen_brdf(n, to_light, v, m, f0, rho_s)
                 if spec.second is not None:
-                    other = kelemen_brdf(n, to_light, v, spec.second.roughness, f0, rho_s)
+                    sharp = np.minimum(np.sqrt(spec.second.roughness**2 + variance), 1)
+                    other = kelemen_brdf(n, to_light, v, sharp, f0, rho_s)
                     f = (1 - spec.second.mix) * f + spec.second.mix * other
                 color += gains[i] * arriving * (f * np.maximum(cos, 0) * seen * soft)[:, None]
     return color
@@ -127,16 +130,23 @@ def _weights(scene, tile, uv):
     return [*scene.table.at(values), *through]
 
 
-def _mapped(maps, tile, n, tangent, uv):
+def _mapped(maps, tile, n, tangent, uv, level):
+    """Unit normals, and the variance of the slopes under a pixel: between the two nearest levels of the map."""
     if tile not in maps.normal:
-        return normalized(n)
-    s = bilinear(maps.normal[tile], uv)
+        return normalized(n), 0.0
+    levels = normal_levels(maps.normal[tile], maps.normal_strength, maps.normal_space)
+    read = np.stack([bilinear(image, uv) for image in levels])
+    level = np.minimum(level, len(levels) - 1)
+    low = np.minimum(level.astype(int), max(len(levels) - 2, 0))
+    some, part = np.arange(len(uv)), (level - low)[:, None]
+    mapped = (1 - part) * read[low, some] + part * read[np.minimum(low + 1, len(levels) - 1), some]
+    s, variance = mapped[:, :3], mapped[:, 3]
     if maps.normal_space == "object":
-        return normalized(s)
+        return normalized(s), variance
     t = tangent[:, :3]
     b = np.cross(n, t) * np.sign(tangent[:, 3:])
     k = maps.normal_strength
-    return normalized(k * s[:, :1] * t + k * s[:, 1:2] * b + s[:, 2:] * n)
+    return normalized(k * s[:, :1] * t + k * s[:, 1:2] * b + s[:, 2:] * n), variance
 
 
 def _arriving(light, position):

@@ -125,6 +125,23 @@
     return texture;
   }
 
+  async function normalTexture(whole) {  // the map and its coarser levels; the last channel is the normals' variance
+    const texture = sampler(gl.TEXTURE_2D_ARRAY, gl.LINEAR), levels = [{ normal: whole }, ...whole.levels];
+    gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    const filled = [];
+    for (const { normal, variance } of levels) {
+      const bytes = await pixelsOf(normal), varied = variance && await pixelsOf(variance);
+      const tables = [0, 1, 2].map((c) => decoder(normal.coding, normal.low[c], normal.high[c]));
+      const table = variance && decoder(variance.coding, variance.low[0], variance.high[0]);
+      filled.push(Uint16Array.from(bytes, (byte, i) => (i % 4 < 3 ? tables[i % 4][byte] : varied ? table[varied[i - 3]] : 0)));
+    }
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, levels.length, gl.RGBA16F, whole.width, whole.height, 1);
+    filled.forEach((plane, level) => gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, level, 0, 0, 0, levels[level].normal.width,
+      levels[level].normal.height, 1, gl.RGBA, gl.HALF_FLOAT, plane));
+    return texture;
+  }
+
   function oilTexture() {
     const { width, height, data } = bake.oil;
     const values = new Float32Array(bytesOf(data).buffer);
@@ -192,7 +209,7 @@
       const textures = { oil_albedo: oilTexture() };
       for (const [name, layers] of Object.entries(tile.textures)) {
         note.textContent = `Loading, ${++done} of ${total} textures`;
-        textures[name] = await arrayTexture(layers);
+        textures[name] = await (layers[0].levels ? normalTexture(layers[0]) : arrayTexture(layers));
       }
       made.push({ ...tile, textures, array: await geometryOf(tile) });
     }

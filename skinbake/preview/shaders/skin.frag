@@ -88,11 +88,20 @@ void weigh(out vec3 weight[N_LOBES], out vec3 total)
 }
 #endif
 
+#ifdef HAS_NORMAL_MAP
+// Which of the normal map's levels has texels as wide as this pixel is where it is widest
+float normal_level()
+{
+    vec2 size = vec2(textureSize(normal_map, 0).xy);
+    vec2 across = dFdx(frag_uv) * size, down = dFdy(frag_uv) * size;
+    return clamp(0.5 * log2(max(dot(across, across), dot(down, down)) + 1e-12), 0.0, LAST_NORMAL_LEVEL);
+}
+#endif
+
 // As skinbake/irradiance/normal_map.py bends it for the diffuse part
-vec3 shading_normal(vec3 n)
+vec3 shading_normal(vec3 n, vec3 s)
 {
 #ifdef HAS_NORMAL_MAP
-    vec3 s = texture(normal_map, vec3(frag_uv, 0.0)).xyz;
 #ifdef OBJECT_SPACE
     return dot(s, s) > 0.0 ? normalize(s) : n;
 #endif
@@ -119,6 +128,12 @@ float specular_albedo(float c, float m, float f0_here)
     vec2 at = sqrt(clamp(vec2(m, c), 0.0, 1.0)) * (size - 1.0) + 0.5;
     vec2 split = texture(oil_albedo, vec3(at / size, 0.0)).rg;
     return f0_here * split.r + split.g;
+}
+
+// A lobe by the variance of the normals that it is seen through
+float widened(float m, float variance)
+{
+    return min(sqrt(m * m + variance), 1.0);
 }
 
 // Beckmann's slopes in log form, theory.md 6.7
@@ -180,9 +195,16 @@ float is_open(mat3 seen, vec3 l)
 void main()
 {
     vec3 smooth_normal = normalize(frag_normal);
-    vec3 n = shading_normal(smooth_normal);
+    vec4 mapped = vec4(0.0);  // mean of the normals under this pixel, and what they vary about it, theory.md 6.8
+    float level = 0.0;
+#ifdef HAS_NORMAL_MAP
+    level = normal_level();
+    mapped = textureLod(normal_map, vec3(frag_uv, 0.0), level);
+#endif
+    vec3 n = shading_normal(smooth_normal, mapped.xyz);
     vec3 v = normalize(cam_pos - frag_position);
     float m = clamp(texture(roughness_map, vec3(frag_uv, 0.0)).r, ROUGHNESS_MIN, 1.0);
+    m = widened(m, mapped.w);
     float f0_here = f0;
 #ifdef HAS_F0_MAP
     f0_here = texture(f0_map, vec3(frag_uv, 0.0)).r;
@@ -228,6 +250,7 @@ void main()
 #endif
 
 #ifdef SHOW_SPECULAR
+    float sharp = widened(SECOND_ROUGHNESS, mapped.w);
 #ifdef LIGHT_COMES_LATER
     mat3 seen_sky = mat3(texture(open_sky, vec3(frag_uv, 0.0)).rgb, texture(open_sky, vec3(frag_uv, 1.0)).rgb,
                          texture(open_sky, vec3(frag_uv, 2.0)).rgb);
@@ -246,7 +269,7 @@ void main()
         float n_dot_l = dot(n, l);
 #ifdef LIGHT_COMES_LATER
         float width = sqrt(m * m + light_cosines[i].x);
-        float second = sqrt(SECOND_ROUGHNESS * SECOND_ROUGHNESS + light_cosines[i].x);
+        float second = sqrt(sharp * sharp + light_cosines[i].x);
 #ifdef SECOND_LOBE
         float widest = max(width, second);
 #else
@@ -262,7 +285,7 @@ void main()
             float seen = is_open(seen_sky, l);
 #else
             float seen = texture(visibility, vec3(frag_uv, light_layer[i])).r;
-            float width = m, second = SECOND_ROUGHNESS;
+            float width = m, second = sharp;
 #endif
 #ifdef HAS_NORMAL_MAP
             seen *= bump_terminator(n_dot_l, dot(smooth_normal, l));
@@ -277,6 +300,6 @@ void main()
     out_position = vec4(frag_position, TILE_NUMBER);
     out_normal = vec4(frag_normal, 1.0);
     out_tangent = frag_tangent;
-    out_uv = vec4(frag_uv.x, 1.0 - frag_uv.y, 0.0, 1.0);
+    out_uv = vec4(frag_uv.x, 1.0 - frag_uv.y, level, 1.0);
 #endif
 }

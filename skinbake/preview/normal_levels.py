@@ -1,0 +1,56 @@
+"""Normal maps for pictures whose pixels are wider than its texels: mean normals, and how much they vary about them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.numerics import safe_div
+
+LEVELS = 6  # the last texel stands for 32 x 32: beyond that, most are mixed with those of other charts
+
+
+def normal_levels(normal: NDArray[np.floating], strength: float, space: str) -> list[NDArray[np.floating]]:
+    """The map, and means over 2, 4, ... texels a side, each of shape (h, w, 4), in the map's type.
+
+    The first three channels are normals, not unit, without the strength; the last is the sum of both slopes' variances
+    that the texel stands for, of normals bent by the strength: 0 in the map itself. An odd row or column is dropped, as
+    OpenGL's levels have it.
+
+    Parameters
+    ----------
+    normal : ndarray of shape (h, w, 3)
+    strength : float
+        Factor on x and y, in tangent space.
+    space : "tangent" or "object"
+
+    References
+    ----------
+    [Toksvig2005]
+    """
+    levels = [np.concatenate([normal, np.zeros_like(normal[..., :1])], axis=2)]
+    bend = np.array([strength, strength, 1.0] if space == "tangent" else [1.0, 1.0, 1.0], np.float32)
+    unit = normal.astype(np.float32) * bend
+    if space == "tangent":  # one that points into the skin leaves it smooth
+        unit = np.where(unit[..., 2:] > 0, unit, np.array([0, 0, 1], np.float32))
+    length = np.linalg.norm(unit, axis=2, keepdims=True)
+    # The last channel: whether there is a normal
+    sums = np.concatenate([safe_div(unit, length), length > 0], axis=2).astype(np.float32)
+    while len(levels) < LEVELS and max(sums.shape[:2]) > 1:
+        sums = _halved(sums)
+        mean = safe_div(sums[..., :3], sums[..., 3:])
+        kept = np.linalg.norm(mean, axis=2, keepdims=True)
+        varied = np.maximum(2 * safe_div(1 - kept, kept), 0)
+        level = np.concatenate([safe_div(mean, bend), np.minimum(varied, 1)], axis=2)
+        levels.append(level.astype(normal.dtype))
+    return levels
+
+
+def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Means of 2 x 2 texels, or of two where there is one row or one column."""
+    for axis in (0, 1):
+        n = image.shape[axis] // 2
+        if n:
+            first, second = (image[i : 2 * n : 2] if axis == 0 else image[:, i : 2 * n : 2] for i in (0, 1))
+            image = np.float32(0.5) * (first + second)
+    return image
