@@ -588,7 +588,7 @@
     if (new URLSearchParams(location.hash.slice(1)).get("panel") === "0") $("fold").click();
     window.addEventListener("message", heard);
     window.addEventListener("hashchange", () => { fromHash(); shown(); redraw(); });
-    canvas.addEventListener("webglcontextlost", (e) => { e.preventDefault(); ready = false; note.textContent = "The graphics driver was reset ..."; });
+    canvas.addEventListener("webglcontextlost", (e) => { e.preventDefault(); ready = false; clearTimeout(quiet); note.textContent = "The graphics driver was reset ..."; });
     canvas.addEventListener("webglcontextrestored", () => load().catch(failed));
     await load();
   }
