@@ -24,6 +24,7 @@ from skinbake.diffuse.terms.beam import (
 )
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin
 from skinbake.diffuse.terms.interreflection import (
+    Receivers,
     add_at_full_size,
     bounced_light,
     decide_interreflection,
@@ -66,8 +67,8 @@ class LightEntering:
     slanted : frozenset of str
         Lights of the look that count by their incidence.
     plan : tuple of Decision
-    coarseness : float
-        Of the light that skin sends to skin, which all lights together decide (`Receivers`); 0 without such light.
+    receivers : Receivers or None
+        How finely light from skin is taken, which all lights together decide; None without such light.
     curved : CurvedSkin, optional
         What curvature makes of the lobes, where that is counted.
     """
@@ -78,7 +79,7 @@ class LightEntering:
     mean_albedo: Float
     slanted: frozenset[str]
     plan: tuple[Decision, ...]
-    coarseness: float = 0.0
+    receivers: Receivers | None = None
     curved: CurvedSkin | None = None
 
 
@@ -157,7 +158,7 @@ def light_entering(
     limits = [min(budget.terms_left(of, left_wrong(plan, (of,), 0.0)) for of in held[name]) for name in names]
     weights = SkinWeights.of(gaussians, scene.maps)
     reflected = [a * weights.total_image(r.tile, r.shape) for a, r in zip(albedo, atlas, strict=True)]
-    lines, coarseness = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
+    lines, taken = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
     plan += lines
 
     area = [raster.area_mm2[..., None] for raster in atlas]
@@ -170,7 +171,7 @@ def light_entering(
     free_path = free_path_of(medium)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
     mean_albedo = total / sum(map(np.sum, area))
-    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), coarseness, curved)
+    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), taken, curved)
 
 
 def _named(spec: SceneSpec, name: str) -> LightSpec:
@@ -300,7 +301,7 @@ def _bounce(
     reflected: list[Image],
     gain: dict[str, Image],
     limits: list[float],
-) -> tuple[list[Decision], float]:
+) -> tuple[list[Decision], Receivers | None]:
     """Add to each light what skin sends on to skin, where that is worth it, and say so and how coarsely.
 
     Parameters
@@ -320,15 +321,15 @@ def _bounce(
     """
     terms, udim = spec.terms, spec.texture.udim
     if terms.interreflection == "off":
-        return [Decision("interreflection", False, "off")], 0.0
+        return [Decision("interreflection", False, "off")], None
     again = [colour * np.mean(list(gain.values()), axis=0) for colour in reflected]
     lines, bounced = decide_interreflection(
         scene.mesh, scene.occluder, names, list(light.values()), again, atlas, udim, terms.interreflection, limits
     )
     if not any(line.enabled for line in lines):
-        return lines, 0.0
+        return lines, None
     kept = [i for i, line in enumerate(lines) if line.enabled]
-    taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept])
+    taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
     for i in kept:
         lines[i] = replace(lines[i], error=taken.error(bounced[i]))
     view = look_around(
@@ -342,7 +343,7 @@ def _bounce(
         found = bounced_light(view, sent, [*later] if terms.bounces > 1 else [], terms.bounces)
         for raster, small in zip(atlas, found, strict=True):
             add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
-    return lines, taken.coarser
+    return lines, taken
 
 
 def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> Image:

@@ -19,6 +19,7 @@ from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.beam import free_path_of
+from skinbake.diffuse.terms.interreflection import Receivers
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.irradiance.irradiance_map import IrradianceMap, decided_for
 from skinbake.irradiance.scene_data import SceneData
@@ -81,7 +82,7 @@ def scatter(
         seed=spec.output.seed,
         precision=spec.output.precision,
         progress=say,
-        remember=partial(_as_coarse, remember, entering.coarseness) if remember else None,
+        remember=partial(_as_coarse, remember, entering.receivers) if remember else None,
         beam=entering.beam,
         skin=skin,
     )
@@ -127,10 +128,10 @@ def scatter(
 
 
 def _as_coarse(
-    remember: Memoize, coarseness: float, kind: tuple[Any, ...], names: tuple[str, ...], make: Callable[..., Any]
+    remember: Memoize, taken: Receivers | None, kind: tuple[Any, ...], names: tuple[str, ...], make: Callable[..., Any]
 ) -> Any:
     """What is known of lights to which skin sends light as coarsely: with other lights beside them that may differ."""
-    return remember((*kind, coarseness), names, make)
+    return remember((*kind, taken), names, make)
 
 
 def _transmitted(spec: SceneSpec, slanted: frozenset[str], name: str) -> TransmittedLight:

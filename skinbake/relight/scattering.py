@@ -130,7 +130,7 @@ class Scattering:
         self.lines += lines
         if any(line.enabled for line in lines):
             self._say("relighting: skin that lights skin")
-            receiving, texture = receivers(bounced, limits), spec.texture
+            receiving, texture = receivers(bounced, limits, self._atlas), spec.texture
             self._view = look_around(
                 scene.mesh,
                 scene.occluder,

@@ -20,6 +20,7 @@ lights: [%s]
 output: {dir: out, precision: float}
 diffusion: {probes: 300}
 """
+WIDE = "variance_mm2: [0.5, 4.0], weight_rgb: [[0.5, 0.6, 0.8], [0.5, 0.4, 0.2]]"
 SUN = "{name: sun, type: directional, direction: [-0.6, -0.5, -0.6], irradiance: [3, 3, 3]}"
 POINT = "{name: lamp, type: point, position_mm: [90, 60, 90], intensity: [30000, 30000, 20000]}"
 SKY = "{name: sky, type: environment, radiance: [0.3, 0.4, 0.5]}"
@@ -55,3 +56,17 @@ def test_the_whole_stays_within_the_tolerance(tmp_path, lights, skin, tolerance)
     wrong = float(np.sqrt(np.mean((got - want) ** 2) / np.mean(want**2)))
     assert wrong <= tolerance
     assert wrong <= baked.left_wrong + TIGHT
+
+
+def test_light_from_a_small_hill_is_looked_for_long_enough(tmp_path):
+    """Few rays meet it: they leave more noise than coarse texels do, and would miss it from most of the plain."""
+    write_obj(tmp_path / "mesh.obj", relief(segments=24))
+    sun = "{name: sun, type: directional, direction: [0.4, -0.2, -1], irradiance: [1, 0.8, 0.6]}"
+    text = (LOOK % sun).replace("size: 96", "size: [44, 36]").replace("preset: gpugems3-six-gaussians", WIDE)
+    (tmp_path / "look.yaml").write_text(text + "terms: {interreflection: on}\n")
+    want, _ = leaving(tmp_path / "look.yaml", "tolerance=0.0005", "diffusion.method=surface")
+    for tolerance in (0.01, 0.005):
+        got, baked = leaving(tmp_path / "look.yaml", f"tolerance={tolerance}")
+        wrong = float(np.sqrt(np.mean((got - want) ** 2) / np.mean(want**2)))
+        assert wrong <= tolerance
+        assert wrong <= baked.left_wrong + 0.0005

@@ -106,8 +106,8 @@ def test_auto_asks_whether_it_is_worth_it():
                 of[0], of[1], ("sun", "none"), of[2], [0.5 * white], of[3], False, switch, [0.01, 0.01]
             )
 
-        (sun, none), (share, nothing) = decide("auto")
-        assert (share > 0.4, nothing) == (kept, 0)
+        (sun, none), ((share, _), (nothing, noise)) = decide("auto")
+        assert (share > 0.4, nothing, noise) == (kept, 0, 0)
         assert (sun.term, sun.enabled, none.enabled) == ("sun.interreflection", kept, False)
         assert ("50.00% of its light" in sun.why) == kept
         assert all(line.enabled for line in decide("on")[0])

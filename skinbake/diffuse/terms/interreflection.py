@@ -28,10 +28,13 @@ from skinbake.scene.mesh import SkinMesh
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 RECEIVER_MM = 2.0  # texels that receive bounced light
+RECEIVERS_ACROSS = 190  # of them at least across what is smaller than a head: its forms are smaller, too
 LOOKING, MORE = 32, 64  # rays that look whether there is skin at all; rays where there is
+MOST_RAYS = 512
 COARSE_ERROR = 0.1  # of the bounced light: what such texels and rays leave wrong; 0.09 on a head, 0.2 about a hill
 COARSENESS = 0.4, 3.0  # the finest and the coarsest there are, in units of these
 ESTIMATED, ESTIMATE_RAYS = 4000, 16  # texels and rays by which `auto` decides
+NOISE_FALL = 0.85  # exponent by which rays on a lattice lose their noise, on a head and about a hill
 _OTHER_TURN = 7919
 
 _R2 = 0.7548776662466927, 0.5698402909980532  # [Roberts2018]
@@ -103,44 +106,83 @@ def look_around(
     return SkinView(atlas, *(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
+class Bounced(NamedTuple):
+    """What skin sends on of a light, found with few rays.
+
+    Attributes
+    ----------
+    rms : float
+        As a share of the light's rms.
+    noise : float
+        Standard error of it for `ESTIMATE_RAYS` / 2 rays a texel, a share of the same.
+    """
+
+    rms: float
+    noise: float
+
+    def rays_for(self, limit: float) -> float:
+        """How many rays a texel leave an error of `limit`."""
+        return ESTIMATE_RAYS / 2 * (self.noise / max(limit, 1e-12)) ** (1 / NOISE_FALL)
+
+    def noise_of(self, rays: int) -> float:
+        """Error that is left by that many rays."""
+        return self.noise * (ESTIMATE_RAYS / 2 / rays) ** NOISE_FALL
+
+
 class Receivers(NamedTuple):
     """How finely light from skin is taken.
 
     Attributes
     ----------
     coarser : float
-        Texels are this times `RECEIVER_MM` wide, and have as many times fewer rays.
+        Texels are this times as wide as the usual ones, and have as many times fewer rays.
+    usual_mm : float
+        Width of those.
+    least_rays : int
+        From texels that see skin, however coarse they are.
     """
 
     coarser: float
+    usual_mm: float = RECEIVER_MM
+    least_rays: int = 32
 
     @property
     def width_mm(self) -> float:
         """Width of the texels that receive, mm."""
-        return RECEIVER_MM * self.coarser
+        return self.usual_mm * self.coarser
 
     @property
     def rays(self) -> tuple[int, int]:
-        """Rays from every texel, and from those that see skin (`look_around`)."""
-        return max(16, round(LOOKING / self.coarser)), max(32, round(MORE / self.coarser))
+        """Rays from every texel, and from those that see skin (`look_around`).
 
-    def error(self, bounced: float) -> float:
-        """Rms that is left wrong of a light that skin sends on with an rms of `bounced`, both as shares of it."""
-        return COARSE_ERROR * self.coarser * bounced
+        Half as many look as are traced: what few see none of sends light, too.
+        """
+        looking = max(16, round(LOOKING / self.coarser), self.least_rays // 2)
+        return looking, max(self.least_rays, round(MORE / self.coarser))
+
+    def error(self, bounced: Bounced) -> float:
+        """Rms that is left wrong of a light, as a share of it."""
+        return max(COARSE_ERROR * self.coarser * bounced.rms, bounced.noise_of(self.rays[1]))
 
 
-def receivers(bounced: Sequence[float], limits: Sequence[float]) -> Receivers:
+def receivers(bounced: Sequence[Bounced], limits: Sequence[float], atlas: Atlas) -> Receivers:
     """The coarsest texels that receive, whose error no light's limit forbids.
 
     Parameters
     ----------
-    bounced : sequence of float
-        Light from skin, of each light that has the term: its rms as a share of the light.
+    bounced : sequence of Bounced
+        Light from skin, of each light that has the term.
     limits : sequence of float
         Rms that may be made, of each.
+    atlas : Atlas
+        Its area says how small the skin's forms are.
     """
-    allowed = [limit / max(COARSE_ERROR * rms, 1e-12) for rms, limit in zip(bounced, limits, strict=True)]
-    return Receivers(float(np.clip(min(allowed), *COARSENESS)))
+    across_mm = float(np.sqrt(sum(raster.area_mm2.sum(dtype=np.float64) for raster in atlas)))
+    pairs = list(zip(bounced, limits, strict=True))
+    allowed = min(limit / max(COARSE_ERROR * each.rms, 1e-12) for each, limit in pairs)
+    rays = min(max(each.rays_for(limit) for each, limit in pairs), MOST_RAYS)
+    usual_mm = min(RECEIVER_MM, across_mm / RECEIVERS_ACROSS)
+    return Receivers(float(np.clip(allowed, *COARSENESS)), usual_mm, max(32, round(rays)))
 
 
 def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1) -> list[Image]:
@@ -193,7 +235,7 @@ def decide_interreflection(
     udim: bool,
     switch: str,
     limits: Sequence[float],
-) -> tuple[list[Decision], list[float]]:
+) -> tuple[list[Decision], list[Bounced]]:
     """Whether skin lights skin by more than may be left out, a line a light, and how much that is.
 
     `auto` looks from a few texels with a few rays, the same for all lights.
@@ -217,7 +259,7 @@ def decide_interreflection(
     """
     if switch == "off":
         return [Decision("interreflection", False, "off")], []
-    arrived, bounced = np.zeros(len(names)), np.zeros(len(names))
+    arrived, bounced, apart = np.zeros((3, len(names)))
     height, width = atlas[0].shape
     for number, (raster, image) in enumerate(zip(atlas, light, strict=True)):
         area = np.cumsum(raster.area_mm2.ravel(), dtype=np.float64)
@@ -249,13 +291,14 @@ def decide_interreflection(
         arrived += share * (direct**2).sum(axis=(1, 2))
         # The product of two halves is, on average, the square without the rays' own noise
         bounced += share * (got[:, :, 0] * got[:, :, 1]).sum(axis=(1, 2))
+        apart += share * ((got[:, :, 0] - got[:, :, 1]) ** 2).sum(axis=(1, 2)) / 2
     found, shares = [], []
-    for name, lit, got_light, limit in zip(names, arrived, bounced, limits, strict=True):
-        rms = float(np.sqrt(max(got_light, 0) / lit)) if lit > 0 else 0.0
+    for name, lit, got_light, square, limit in zip(names, arrived, bounced, apart, limits, strict=True):
+        rms, noise = (float(np.sqrt(max(each, 0) / lit)) if lit > 0 else 0.0 for each in (got_light, square))
         why = f"{switch}: skin lights skin with {rms:.2%} of its light (rms), may be left out {limit:.2%}"
         kept = switch == "on" or rms > limit
         found.append(Decision(f"{name}.interreflection", kept, why, 0.0 if kept else rms))
-        shares.append(rms)
+        shares.append(Bounced(rms, noise))
     return found, shares
 
 
