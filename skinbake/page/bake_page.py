@@ -16,6 +16,7 @@ from skinbake.io.bake_folder import BakeFolder, read_bake_folder
 from skinbake.io.manifest import read_manifest
 from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.page.coded_image import CodedImage, coded, halves
+from skinbake.page.page_skies import page_skies
 from skinbake.page.page_skins import page_skins
 from skinbake.preview import tonemap
 from skinbake.preview.camera import PORTRAIT_YFOV_DEG, VIEWS, Camera, camera_of, view
@@ -57,7 +58,9 @@ def bake_page(folder: Path) -> tuple[str, dict[str, float]]:
         for number, buffers in vertex_buffers(bake.scene.mesh, bake.scene.tiles).items()
     ]
     coding = {kind: float(np.max(found)) for kind, found in errors.items()}
-    data = _page_data(bake, lights) | {"tiles": tiles, "about": list(_about(bake, manifest, coding))}
+    data = _page_data(bake, lights) | {"tiles": tiles}
+    told = _add_skies(data, bake, lights, coding) if manifest["relight"] else []
+    data["about"] = [*_about(bake, manifest, coding), *told]
     title = html.escape(str(data["title"]))
     # "<" would end the element; JSON has it as an escape too
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -71,6 +74,31 @@ def bake_page(folder: Path) -> tuple[str, dict[str, float]]:
     for mark, content in parts.items():
         page = page.replace(mark, content)
     return page, coding
+
+
+def _add_skies(
+    data: dict[str, Any], bake: BakeFolder, lights: tuple[ShaderLight, ...], coding: dict[str, float]
+) -> list[tuple[str, list[str]]]:
+    """Add skies to a page's data and their error to `coding`, or say why not, for the last part of the page.
+
+    Parameters
+    ----------
+    data : dict
+    bake : BakeFolder
+    lights : tuple of ShaderLight
+    coding : dict of str to float
+    """
+    found = page_skies(bake, lights, len(json.dumps(data, separators=(",", ":"))))
+    if found is None:
+        return [("Skies", ["left out: with them this page would have more than 20 MB"])]
+    coding["skies"] = found.rms
+    data["skies"] = found.skies
+    for sky in found.skies:
+        data["modes"].append({"name": f"sky:{sky['name']}", "label": f"under the {sky['name']} sky: light from inside"})
+    for tile in data["tiles"]:
+        tile["sky"] = found.tiles[tile["number"]]["textures"]
+        tile["defines"]["sky"] = found.tiles[tile["number"]]["defines"]
+    return []
 
 
 def _tile(
@@ -189,6 +217,7 @@ def _page_data(bake: BakeFolder, lights: tuple[ShaderLight, ...]) -> dict[str, A
         ],
         "total_weight": scene.total_weight_rgb.tolist(),
         "skins": page_skins(bake),
+        "skies": [],
         "table": None if scene.table is None else table_bounds(scene.table).tolist(),
         "albedo_exponent_after": 1 - scene.texturing.exponent_before,
         "normal_strength": scene.maps.normal_strength,

@@ -118,7 +118,15 @@ def test_skin_that_varies_is_drawn_as_the_preview_does(bake, tmp_path):
 
 def compare(browser, bake, views, modes, skin=""):
     """Look at each view in each mode, in the browser and in the preview, also with another skin."""
-    asked = json.dumps({"views": views, "modes": modes, "width": SIZE[0], "height": SIZE[1], "skin": skin})
+    read = read_bake_folder(bake)
+    compare_scene(
+        browser, read, shown_with(read, skin, 0) if skin else read.scene, views, {m: m for m in modes}, skin=skin
+    )
+
+
+def compare_scene(browser, read, scene, views, modes, later=None, **ask):
+    """Look at each view in each mode of the page, and in that of the preview which `modes` names, lit by `later`."""
+    asked = json.dumps({"views": views, "modes": list(modes), "width": SIZE[0], "height": SIZE[1]} | ask)
     drawn = browser.run(
         f"const asked = {asked}, out = {{}};"
         "for (const view of asked.views) for (const mode of asked.modes)"
@@ -126,15 +134,12 @@ def compare(browser, bake, views, modes, skin=""):
         "return out;"
     )
     assert browser.problems == []
-    read = read_bake_folder(bake)
     aspect = read.spec.preview.size[0] / read.spec.preview.size[1]
-    scene = shown_with(read, skin, 0) if skin else read.scene
     with OffscreenRenderer(scene) as renderer:
         for name in views:
-            for mode in modes:
-                shown = renderer.draw(
-                    view(read.scene.mesh, name, aspect), SIZE, parse_mode(mode, len(read.scene.lobes))
-                )
+            for mode, shown_as in modes.items():
+                camera = view(scene.mesh, name, aspect)
+                shown = renderer.draw(camera, SIZE, parse_mode(shown_as, len(scene.lobes)), later=later)
                 want = tone_map(shown, read.spec.preview.background_rgb, read.spec.preview.exposure).astype(int)
                 data = drawn[f"{name} {mode}"].partition(",")[2]
                 got = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")).astype(int)

@@ -19,9 +19,10 @@
   const state = {
     mode: "full", other: "none", split: false, at: 0.5, exposure: bake.exposure,
     gains: bake.lights.map(() => 1), tints: bake.lights.map(() => "#ffffff"), camera: null,
-    skin: "",  // the bake's own, or the name of another on its lobes
+    turn: 0, skin: "",  // the bake's own, or the name of another on its lobes
   };
   let said = "", gl = null, programs = {}, tiles = [], empty = null, targets = {}, ready = false, later = 0, wanted = 0;
+  let skies = null;  // promise of the textures that skies are made of, which are read once one is asked for
 
   // --- bytes -----------------------------------------------------------------------------------------------------
 
@@ -92,6 +93,7 @@
   }
 
   function skinProgram(tile, mode) {
+    if (skyOf(mode)) mode = "sky";
     const key = `${tile.number}:${mode}`;
     if (!programs[key])
       programs[key] = compiled(written(bake.shaders.skin_vert, {}), written(bake.shaders.skin_frag, tile.defines[mode]));
@@ -214,10 +216,36 @@
       made.push({ ...tile, textures, array: await geometryOf(tile) });
     }
     tiles = made;
+    skies = null;
     empty = gl.createVertexArray();
     ready = true;
     note.textContent = "";
     redraw();
+  }
+
+  const skyOf = (mode) => bake.skies.find((sky) => mode === `sky:${sky.name}`);
+  const skyWanted = () => Boolean(skyOf(state.mode) || (state.split && skyOf(state.other)));
+  const skyThere = () => tiles.every((tile) => tile.textures.sky);
+
+  function readSkies() {
+    const mine = tiles;  // others come with another context
+    return (skies ??= (async () => {
+      for (const tile of mine) {
+        note.textContent = "Loading the skies";
+        const texture = await arrayTexture(tile.sky);
+        if (mine === tiles) tile.textures.sky = texture;
+      }
+      if (mine === tiles) note.textContent = "";
+    })());
+  }
+
+  // A sky's share of each texture, turned by some degrees: a Fourier series
+  function skyGains(sky) {
+    const a = state.turn * Math.PI / 180;
+    return sky.turn[0].map((_, k) => sky.turn.reduce((sum, row, i) => {
+      const order = (i + 1) >> 1;
+      return sum + row[k] * (i % 2 ? Math.cos(order * a) : i ? Math.sin(order * a) : 1);
+    }, 0));
   }
 
   // --- drawing ---------------------------------------------------------------------------------------------------
@@ -253,13 +281,15 @@
   const skinOf = (name) => bake.skins.find((skin) => skin.name === name) || baked;
 
   function drawSkin(mode, camera, aspect) {
+    const sky = skyOf(mode);
+    if (sky && !skyThere()) return;
     const { V, P, eye } = matrices(camera, aspect);
     const gains = state.gains.map((gain, i) => linear(state.tints[i]).map((c) => c * gain));
-    const layers = bake.separate || mode === "none" ? gains.flat() : [1, 1, 1];
+    const layers = sky ? skyGains(sky) : bake.separate || mode === "none" ? gains.flat() : [1, 1, 1];
     const lamps = bake.shader_lights;
     const lamp = lamps.color.flatMap((rgb, i) => rgb.map((x, c) => x * gains[lamps.light[i]][c]));
     const skin = skinOf(state.skin);
-    const weights = mode.startsWith("lobe") ? bake.lobes.flatMap(() => [1, 1, 1]) : skin.weights.flat();
+    const weights = sky ? [1, 1, 1] : mode.startsWith("lobe") ? bake.lobes.flatMap(() => [1, 1, 1]) : skin.weights.flat();
     for (const tile of tiles) {
       const { program, place } = skinProgram(tile, mode);
       gl.useProgram(program);
@@ -278,7 +308,7 @@
       for (const name of ["albedo_exponent_after", "normal_strength", "f0", "strength"]) gl.uniform1f(place(name), bake[name]);
       if (bake.table) ["table_low", "table_range"].forEach((name, i) => gl.uniform2fv(place(name), bake.table[i]));
       let unit = 0;
-      for (const [name, texture] of Object.entries(tile.textures)) {
+      for (const [name, texture] of Object.entries(sky ? { ...tile.textures, lobe_0: tile.textures.sky } : tile.textures)) {
         if (!place(name)) continue;  // what this shader does not read needs no unit
         gl.activeTexture(gl.TEXTURE0 + unit);
         gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
@@ -344,6 +374,7 @@
     clearTimeout(later);
     later = setTimeout(fine, 160);
     tell();
+    if (ready && skyWanted() && !skyThere()) readSkies().then(redraw, failed);
     wanted ||= requestAnimationFrame(() => { wanted = 0; draw(1); });
   }
 
@@ -461,7 +492,7 @@
   function panel() {
     for (const id of ["mode", "other"]) {
       $(id).append(...bake.modes.map((m) => option(m.name, m.label)));
-      $(id).onchange = () => { state[id] = $(id).value; redraw(); };
+      $(id).onchange = () => { state[id] = $(id).value; shown(); redraw(); };
     }
     if (bake.skins.length) {
       $("skin").append(option("", "as baked"),
@@ -469,9 +500,11 @@
       $("skin").onchange = () => { state.skin = $("skin").value; shown(); redraw(); };
     }
     $("skin-row").hidden = !bake.skins.length;
+    $("turn-row").hidden = !bake.skies.length;
+    $("turn").oninput = () => { state.turn = Number($("turn").value); shown(); redraw(); };
     $("view").append(...Object.keys(bake.views).map((name) => option(name, name)));
     $("view").onchange = () => { state.camera = fitted(bake.views[$("view").value]); redraw(); };
-    $("split").onchange = () => { state.split = $("split").checked; $("divider").hidden = !state.split; redraw(); };
+    $("split").onchange = () => { state.split = $("split").checked; shown(); redraw(); };
     $("exposure").oninput = () => { state.exposure = Number($("exposure").value); shown(); redraw(); };
     if (bake.separate) bake.lights.forEach((name, i) => {
       const row = document.createElement("label"), range = document.createElement("input"), tint = document.createElement("input");
@@ -515,6 +548,10 @@
     $("other").value = state.other;
     $("skin").value = state.skin;
     $("skin-line").textContent = skinOf(state.skin).line;
+    $("turn").value = state.turn;
+    $("turn-value").textContent = `${state.turn}\u00b0`;
+    $("sky-line").textContent = skyWanted() ? "Under a sky: the skin as baked, and what comes from inside it. "
+      + "What the oil mirrors of a sky is not in this page." : "";
     $("split").checked = state.split;
     $("divider").hidden = !state.split;
     $("divider").style.left = `${100 * state.at}%`;
@@ -532,6 +569,7 @@
     const c = state.camera;
     const parts = { view: [c.azimuth, c.elevation, c.distance, ...c.target].join(","), mode: state.mode,
       exposure: state.exposure };
+    if (bake.skies.length) parts.turn = state.turn;
     if (own) Object.assign(parts, { gains: state.gains.join(","), tints: state.tints.map((t) => t.slice(1)).join(",") });
     if (own && bake.skins.length) parts.skin = state.skin;
     if (state.split) Object.assign(parts, { other: state.other, at: state.at });
@@ -551,6 +589,7 @@
     state.split = names.includes(asked.get("other"));
     if (state.split) state.other = asked.get("other");
     if (asked.has("exposure") && Number.isFinite(number("exposure"))) state.exposure = number("exposure");
+    if (asked.has("turn") && number("turn") >= 0 && number("turn") <= 360) state.turn = number("turn");
     if (asked.has("at") && Number.isFinite(number("at"))) state.at = Math.min(1, Math.max(0, number("at")));
     if (asked.get("skin") === "" || bake.skins.some((skin) => skin.name === asked.get("skin"))) state.skin = asked.get("skin");
     const gains = (asked.get("gains") || "").split(",").map(Number);
@@ -562,10 +601,11 @@
   // For scripts and tests: a picture of a view, as a data URL
   window.skinbake = {
     ready: () => ready,
-    still: () => ready && !wanted && !later,  // nothing is left to be drawn
-    async render({ view, mode = "full", width, height, exposure = bake.exposure, skin = "" }) {
+    still: () => ready && !wanted && !later && !(skyWanted() && !skyThere()),  // nothing is left to be drawn
+    async render({ view, mode = "full", width, height, exposure = bake.exposure, skin = "", turn = 0 }) {
+      if (skyOf(mode)) await readSkies();
       const kept = { ...state, gains: [...state.gains] }, size = [canvas.width, canvas.height];
-      Object.assign(state, { mode, exposure, skin, split: false, camera: { ...bake.views[view] } });
+      Object.assign(state, { mode, exposure, skin, turn, split: false, camera: { ...bake.views[view] } });
       [canvas.width, canvas.height] = [width, height];
       draw(2);
       const picture = canvas.toDataURL("image/png");
