@@ -94,7 +94,7 @@ def _add_skies(
     coding["skies"] = found.rms
     data["skies"] = found.skies
     for sky in found.skies:
-        data["modes"].append({"name": f"sky:{sky['name']}", "label": f"under the {sky['name']} sky: light from inside"})
+        data["modes"].append({"name": f"sky:{sky['name']}", "label": f"sky: {sky['name']}"})
     for tile in data["tiles"]:
         tile["sky"] = found.tiles[tile["number"]]["textures"]
         tile["defines"]["sky"] = found.tiles[tile["number"]]["defines"]

@@ -82,7 +82,7 @@ def test_the_turn_is_in_the_link_and_a_lost_context_brings_the_sky_back(browser)
     """)
     assert found["before"] == ""
     assert "not in this page" in found["line"]
-    assert found["label"].startswith("Turn of the sky")
+    assert found["label"].startswith("Turn the sky")
     assert found["value"] == "90\u00b0"
     assert "mode=sky%3Astudio" in found["link"]
     assert "turn=90" in found["link"]
