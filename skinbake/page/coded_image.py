@@ -63,8 +63,8 @@ def coded(image: NDArray[np.floating], coding: str, lossless: bool = False) -> C
 
 
 def halves(image: NDArray[np.floating]) -> dict[str, Any]:
-    """Record of an image (h, w, 3) that is kept as half floats: for small ones whose digits count."""
+    """Record of an image (h, w, 4) that is kept as half floats: for small ones whose digits count."""
     data = np.ascontiguousarray(image, "<f2").tobytes()
-    height, width = image.shape[:2]
+    height, width, channels = image.shape
     text = base64.b64encode(data).decode("ascii")
-    return {"data": text, "width": width, "height": height, "channels": 3, "coding": "half"}
+    return {"data": text, "width": width, "height": height, "channels": channels, "coding": "half"}

@@ -13,6 +13,7 @@ from skinbake.preview.mode import Mode
 from skinbake.preview.normal_levels import LEVELS
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_light import ENVIRONMENT, ShaderLight
+from skinbake.preview.skin_table import table_layers
 
 SHADERS = Path(__file__).parent / "shaders"
 # What the shader has in common with the bake, as GLSL literals
@@ -106,6 +107,7 @@ def shader_defines(
             "SUM_OF_LOBES": " + ".join(terms),
             "N_LOBES": str(len(scene.lobes)),
             "N_GAUSSIANS": str(scene.gaussians),
+            "TABLE_LAYERS": str(table_layers(scene.gaussians)),
             "N_LAYERS": str(layers),
             "N_LIGHTS": str(len(lights)),
             "TILE_NUMBER": f"{tile}.0",

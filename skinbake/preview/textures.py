@@ -42,7 +42,7 @@ def upload(image: NDArray[np.floating]) -> int:
 
     Parameters
     ----------
-    image : ndarray of shape (L, h, w, k), float16 or float32, k in 1 ... 3
+    image : ndarray of shape (L, h, w, k), float16 or float32, k in 1 ... 4
         Row 0 is what the shader reads at t = 0.
 
     Raises

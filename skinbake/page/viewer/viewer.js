@@ -121,9 +121,10 @@
     }
     const texture = sampler(gl.TEXTURE_2D_ARRAY, gl.LINEAR);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, channels === 1 ? gl.R16F : gl.RGB16F, width, height, layers.length);
+    const [inner, form] = { 1: [gl.R16F, gl.RED], 3: [gl.RGB16F, gl.RGB], 4: [gl.RGBA16F, gl.RGBA] }[channels];
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, inner, width, height, layers.length);
     planes.forEach((plane, layer) => gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, width, height, 1,
-      channels === 1 ? gl.RED : gl.RGB, gl.HALF_FLOAT, plane));
+      form, gl.HALF_FLOAT, plane));
     return texture;
   }
 

@@ -17,7 +17,7 @@ uniform vec3 lobe_weight[N_LOBES];
 uniform vec3 layer_gain[N_LAYERS];   // of each stored light's diffuse part
 uniform vec3 total_weight;
 #ifdef SKIN_TABLE
-uniform sampler2DArray weight_table; // a layer a Gaussian; rows and columns are nodes, even in the roots of two maps
+uniform sampler2DArray weight_table; // weights one after the other, four a texel; rows and columns are nodes
 uniform sampler2DArray table_row;
 #ifdef TABLE_COLUMNS
 uniform sampler2DArray table_column;
@@ -25,7 +25,7 @@ uniform sampler2DArray table_column;
 #ifdef SKIN_SCATTERS
 uniform sampler2DArray scatter_map;
 #endif
-uniform vec2 table_low;              // roots at the first node, and from the first to the last, of rows and columns
+uniform vec2 table_low;              // nodes are even in the roots: these at the first one, and from it to the last
 uniform vec2 table_range;
 #endif
 uniform float albedo_exponent_after; // theory.md 5.1: 1 - x
@@ -79,8 +79,14 @@ void weigh(out vec3 weight[N_LOBES], out vec3 total)
     total = vec3(0.0);
     for (int i = 0; i < N_LOBES; ++i)
         weight[i] = scatter * lobe_weight[i];  // light through thin parts, which no table weighs
+    float number[4 * TABLE_LAYERS];
+    for (int i = 0; i < TABLE_LAYERS; ++i) {
+        vec4 four = texture(weight_table, vec3(at.y / nodes.y, at.x / nodes.x, i));
+        for (int c = 0; c < 4; ++c)
+            number[4 * i + c] = four[c];
+    }
     for (int i = 0; i < N_GAUSSIANS; ++i) {
-        vec3 here = texture(weight_table, vec3(at.y / nodes.y, at.x / nodes.x, i)).rgb;
+        vec3 here = vec3(number[3 * i], number[3 * i + 1], number[3 * i + 2]);
         total += here;
         weight[i] = scatter * here;
     }
