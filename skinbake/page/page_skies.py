@@ -42,7 +42,7 @@ class PageSkies(NamedTuple):
 
 
 def page_skies(bake: BakeFolder, lights: tuple[ShaderLight, ...], taken: int) -> PageSkies | None:
-    """Skies of a bake with `relight`; None where their textures do not fit, not even coded with loss.
+    """Skies of a bake with `relight`; None where their textures do not fit.
 
     Parameters
     ----------
@@ -63,8 +63,7 @@ def page_skies(bake: BakeFolder, lights: tuple[ShaderLight, ...], taken: int) ->
     light = {name: LaterLight(made_sky(name)) for name in sky_names()}
     amounts = [each.coefficients(basis) for each in light.values()]
     lobe, room = scene.lobes[0].rgb, LARGEST_BYTES - _REST_BYTES - taken
-    # Errors of textures that nearly cancel add up: without loss, where there is room
-    images = _coded(lobe, True, room) or _coded(lobe, False, room)
+    images = _coded(lobe, room)
     if images is None:
         return None
     tiles = {
@@ -78,12 +77,16 @@ def page_skies(bake: BakeFolder, lights: tuple[ShaderLight, ...], taken: int) ->
     return PageSkies([{"name": name, "turn": _turn(each, basis)} for name, each in light.items()], tiles, rms)
 
 
-def _coded(tiles: Mapping[int, Texture], lossless: bool, room: int) -> dict[int, list[CodedImage]] | None:
-    """Textures by tile in 8 bits; None as soon as they take more than `room` characters."""
+def _coded(tiles: Mapping[int, Texture], room: int) -> dict[int, list[CodedImage]] | None:
+    """Textures by tile in 8 bits; None as soon as they take more than `room` characters.
+
+    Without further loss: errors of textures that nearly cancel add up. WebP's own would put half of the pixels of a
+    head under a low sun off by more than 2 of 255.
+    """
     found: dict[int, list[CodedImage]] = {number: [] for number in tiles}
     for number, textures in tiles.items():
         for texture in textures:
-            image = coded(texture, "linear", lossless)
+            image = coded(texture, "linear", lossless=True)
             found[number].append(image)
             room -= len(image.record["data"])
             if room < 0:
