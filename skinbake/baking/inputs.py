@@ -27,6 +27,7 @@ from skinbake.scene.maps import OF_SKIN
 from skinbake.scene.skin import PhysiologySkin
 from skinbake.scene.spec import OF_FILE, SceneSpec
 
+_OF_MATERIALS = ("albedo", "normal", "roughness")  # maps that a glTF's materials hold
 _DETAILED = ("albedo", "normal", "height", "detail")  # maps that a coarser texture loses detail of
 
 
@@ -153,7 +154,7 @@ class BakeInputs:
             others = (self._part("cavity"),)
         if role == "albedo" and isinstance(spec.skin, PhysiologySkin) and spec.skin.albedo is not None:
             others += (spec.skin.model_dump(mode="json"), [self._part(name) for name in PIGMENTS])
-        source = spec.maps.source if chosen is None else None
+        source = spec.maps.source if chosen is None and role in _OF_MATERIALS else None
         written = chosen and chosen.model_dump(mode="json", exclude={"path"})
         return written, digest, others, source, self.digests.get("ocio")
 
