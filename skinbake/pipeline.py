@@ -141,12 +141,8 @@ class Baked:
 def bake(stages: Stages) -> Baked:
     """The fit of the profile, light on the raster of the mesh, its diffusion by Gaussians; light from everywhere."""
     gaussians = stages.profile.result()
-    if not stages.decisions.stored_lights:  # all of them come later
-        from skinbake.diffuse import DiffuseMap
-
-        assert stages.relight is not None
-        return Baked(stages.decisions, gaussians, (), DiffuseMap((), (), None), stages.relight.result())
-    irradiance = stages.irradiance.result()  # asks for the raster where a light is not stored
+    # Asks for the raster where a light is not stored; all lights may come later
+    irradiance = stages.irradiance.result() if stages.decisions.stored_lights else ()
     diffused = stages.diffuse.result()  # of both
     relight = stages.relight.result() if stages.relight else None
     return Baked(stages.decisions, gaussians, irradiance, diffused, relight)

@@ -149,6 +149,10 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         own.update(self._inputs.skin_maps)
         return {role: digest for role, digest in digests.items() if role in own}
 
+    def result(self) -> DiffuseMap:
+        """What is stored or computed; nothing where all lights come later."""
+        return super().result() if self._inputs.decisions.stored_lights else DiffuseMap((), (), None)
+
     def load(self) -> DiffuseMap | None:
         """Lobes without pixels, with all that is known of them."""
         return self._results.lobes(self.key())

@@ -110,7 +110,8 @@ def test_sets_of_uvs_normals_and_colours(tmp_path):
     path = stage(tmp_path, mesh(more))
     assert read_raw(path).corner_uv[0, 1].tolist() == [1, 0]
     assert read_raw(path, 1).corner_uv[0, 1].tolist() == [0.5, 0]
-    assert not read_raw(path, 2).has_uv.any()
+    with pytest.raises(InputError, match=r"mesh\.uv_set: expected UVs of a set that the file has, got 2"):
+        read_raw(path, 2)
     np.testing.assert_allclose(read_raw(path).corner_normal[0, 2], [0, 0.6, 0.8], atol=1e-6)
     np.testing.assert_allclose(read_raw(path).corner_rgb, np.tile([0.5, 0.25, 0.125], (2, 3, 1)))
     path.write_text(path.read_text().replace('subdivisionScheme = "none"', 'subdivisionScheme = "catmullClark"'))
