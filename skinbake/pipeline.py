@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
-from skinbake.irradiance.irradiance_map import decided_for
 from skinbake.scene.budget import left_wrong
 
 if TYPE_CHECKING:  # each stage knows what it needs; here there are only their results
@@ -127,7 +126,8 @@ class Baked:
     @property
     def _of_lights(self) -> tuple[Decision, ...]:
         """Those on the look's own lights."""
-        return (*self.decisions.of_look, *decided_for(self.irradiance), *self.diffuse.plan)
+        decided = self.irradiance[0].decided if self.irradiance else ()
+        return (*self.decisions.of_look, *decided, *self.diffuse.plan)
 
     @property
     def left_wrong(self) -> float | None:

@@ -95,22 +95,22 @@ def where_on(mesh: SkinMesh, position_mm: Float) -> str:
 
 
 def worst_place(inputs: BakeInputs, baked: Baked, before: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Where the blur is most wrong, as the manifest holds it; of lobes that were there already what it held.
+    """Where the blur is most wrong, as the manifest holds it.
 
     Parameters
     ----------
     inputs : BakeInputs
     baked : Baked
     before : mapping
-        The last manifest.
+        The last manifest: what it says of the same place is said again, without reading the mesh.
     """
-    diffused = baked.diffuse
-    if diffused.worst_mm is not None:
-        place = [round(float(x), 3) for x in diffused.worst_mm]
-        return {"position_mm": place, "where": where_on(inputs.scene().mesh, diffused.worst_mm)}
-    error = before.get("error") or {}
-    same = diffused.error is not None and error.get("max") == diffused.error.max
-    return error.get("worst") if same else None
+    if baked.diffuse.worst_mm is None:
+        return None
+    place = [round(float(x), 3) for x in baked.diffuse.worst_mm]
+    said = (before.get("error") or {}).get("worst") or {}
+    if said.get("position_mm") == place:
+        return dict(said)
+    return {"position_mm": place, "where": where_on(inputs.scene().mesh, np.array(place))}
 
 
 def _program() -> str:

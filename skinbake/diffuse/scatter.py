@@ -21,7 +21,7 @@ from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.beam import free_path_of
 from skinbake.diffuse.terms.interreflection import Receivers
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
-from skinbake.irradiance.irradiance_map import IrradianceMap, decided_for
+from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.fit import MAX_GAUSSIANS
@@ -92,7 +92,7 @@ def scatter(
     texture, terms, budget = spec.texture, spec.terms, decisions.budget
     # What each light's terms have left, the blur's error taken as measured
     blur, lights = diffused.error.rms if diffused.error else budget.blur, irradiance[0].lights
-    before = (*decisions.of_look, *decided_for(irradiance))
+    before = (*decisions.of_look, *irradiance[0].decided)
     spent = left_wrong((*before, *plan), lights, blur)
     limit = sqrt(max(budget.tolerance**2 - spent**2, 0.0))
     tell("light through thin parts")

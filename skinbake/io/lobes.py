@@ -73,6 +73,7 @@ class _Summary(Record):
     plan: list[dict[str, Any]]
     tolerance_met: bool
     advice: str
+    worst_mm: Rgb | None = None
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,7 @@ def write_lobes(
     """
     names = [lobe_name(index, lobe) for index, lobe in enumerate(result.lobes)]
     summary = {
+        "worst_mm": None if result.worst_mm is None else [round(float(x), 3) for x in result.worst_mm],
         "lights": result.lights,
         "lobes": [
             {"file": name}
@@ -224,6 +226,7 @@ def _summary(folder: Path, header: dict[str, Any], key: str, tiles: tuple[int, .
         tuple(Decision.from_record(line) for line in summary["plan"]),
         tolerance_met=summary["tolerance_met"],
         advice=summary["advice"],
+        worst_mm=None if summary["worst_mm"] is None else np.array(summary["worst_mm"], np.float64),
     )
 
 

@@ -43,8 +43,7 @@ class IrradianceMap:
         """Sum over the lights, (H, W, 3), float32."""
         return self.rgb.sum(axis=0, dtype=np.float32)
 
-
-def decided_for(maps: tuple[IrradianceMap, ...]) -> tuple[Decision, ...]:
-    """The plan's lines on all lights, in their order."""
-    first = maps[:1]
-    return tuple(line for of in first for name in of.lights for line in of.plan.get(name, ()))
+    @property
+    def decided(self) -> tuple[Decision, ...]:
+        """The plan's lines on all lights, in their order."""
+        return tuple(line for name in self.lights for line in self.plan.get(name, ()))
