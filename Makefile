@@ -6,6 +6,8 @@ CONFIG ?= configs/head.yaml
 BATCH ?= configs/looks.yaml
 PYTHON ?= python3
 TESTERS ?= 2
+# Testers have a processor each: the threads of BLAS would wait for one another
+ALONE := OPENBLAS_NUM_THREADS=1
 
 # A path as one word for the shell, whatever is in it
 QUOTED = '$(subst ','\'',$(1))'
@@ -78,10 +80,10 @@ tradeoff: $(READY)  ## measure time and memory against error for CONFIG
 	$(SKINBAKE) tradeoff $(call QUOTED,$(CONFIG))
 
 test: $(READY) .venv/.testing  ## run every test, on TESTERS processes
-	$(BIN)/python -m pytest -n $(TESTERS)
+	$(ALONE) $(BIN)/python -m pytest -n $(TESTERS)
 
 quick: $(READY)  ## the tests worth running after each edit
-	$(BIN)/python -m pytest -n $(TESTERS) -m 'not slow'
+	$(ALONE) $(BIN)/python -m pytest -n $(TESTERS) -m 'not slow'
 
 .venv/.testing: | $(READY)
 	@$(BIN)/python -m skinbake.preview.setup_gl testing

@@ -120,8 +120,10 @@ def test_a_bake_killed_at_random_times_ends_in_the_same_bytes(bakes):
         assert contents(bakes.out) == want, f"after kill {killed}"
 
 
-def test_a_bake_killed_before_any_step_on_the_disk_ends_in_the_same_bytes(bakes):
+@pytest.mark.parametrize("relight", ["", "relight: {textures: 4, size: 16, basis: harmonics}\n"], ids=["", "relight"])
+def test_a_bake_killed_before_any_step_on_the_disk_ends_in_the_same_bytes(bakes, relight):
     """Each fsync, rename and removal in turn is the one that is never made, when the folder holds another look."""
+    (bakes.folder / "look.yaml").write_text(LOOK + relight)
     undisturbed = bakes(out=bakes.folder / "alone")
     assert undisturbed["code"] == 0, undisturbed
     want = contents(bakes.folder / "alone")
@@ -129,7 +131,7 @@ def test_a_bake_killed_before_any_step_on_the_disk_ends_in_the_same_bytes(bakes)
     shutil.copytree(bakes.out, bakes.folder / "other")
     steps = bakes()["steps"]
     assert steps > 15
-    for step in range(0, steps, 1 if KILLS > 8 else 6):
+    for step in range(0, steps, 1 if KILLS > 8 else 12 if relight else 6):
         shutil.rmtree(bakes.out)
         shutil.copytree(bakes.folder / "other", bakes.out)
         assert bakes(die_at=step)["code"] == -9
@@ -310,9 +312,9 @@ def test_an_export_killed_at_any_moment_ends_in_the_same_bytes(bakes, moment):
     assert steps >= len(want)
     assert digests(to) == want
     rng = random.Random(11)
-    hows = [{"die_at": step} for step in range(0, steps, 1 if KILLS > 8 else 7)]
+    hows = [{"die_at": step} for step in range(0, steps, 1 if KILLS > 8 else 12)]
     if moment == "random":
-        hows = [{"kill_after": rng.uniform(0, 1) * undisturbed["seconds"]} for _ in range(KILLS // 2)]
+        hows = [{"kill_after": rng.uniform(0, 1) * undisturbed["seconds"]} for _ in range(KILLS // 4)]
     for how in hows:
         shutil.rmtree(to)
         shutil.copytree(other, to)
