@@ -8,13 +8,22 @@
   const HEADER = "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n"
     + "precision highp sampler2DArray;\n";
   // Means of the points that a pixel was drawn with
-  const RESOLVE = HEADER + `uniform sampler2D frame; uniform int side; layout(location = 0) out vec4 mean;
+  const RESOLVE = HEADER + `uniform sampler2D frame; uniform float side; layout(location = 0) out vec4 mean;
+    vec4 at(ivec2 place) { return texelFetch(frame, clamp(place, ivec2(0), textureSize(frame, 0) - 1), 0); }
     void main() {
+      if (side < 1.0) {  // a coarse frame, between its points
+        vec2 place = gl_FragCoord.xy * side - 0.5, part = fract(place);
+        ivec2 low = ivec2(floor(place));
+        mean = mix(mix(at(low), at(low + ivec2(1, 0)), part.x), mix(at(low + ivec2(0, 1)), at(low + 1), part.x), part.y);
+        return;
+      }
+      int count = int(side);
       vec4 sum = vec4(0.0);
-      for (int y = 0; y < side; ++y) for (int x = 0; x < side; ++x)
-        sum += texelFetch(frame, ivec2(gl_FragCoord.xy) * side + ivec2(x, y), 0);
-      mean = sum / float(side * side);
+      for (int y = 0; y < count; ++y) for (int x = 0; x < count; ++x)
+        sum += at(ivec2(gl_FragCoord.xy) * count + ivec2(x, y));
+      mean = sum / float(count * count);
     }`;
+  const SLOW_MS = 60, QUICK_MS = 12, COARSEST = 0.25, PAUSE_MS = 160;
 
   const state = {
     mode: "full", other: "none", split: false, at: 0.5, exposure: bake.exposure,
@@ -22,6 +31,7 @@
     turn: 0, skin: "",  // the bake's own, or the name of another on its lobes
   };
   let said = "", gl = null, programs = {}, tiles = [], empty = null, targets = {}, ready = false, later = 0, wanted = 0;
+  let drawing = null, changed = false, points = 1;  // frame that the driver is at; what it does not show; points a pixel's side
   let skies = null;  // promise of the textures that skies are made of, which are read once one is asked for
 
   // --- bytes -----------------------------------------------------------------------------------------------------
@@ -340,7 +350,7 @@
   function draw(side) {
     if (!ready || gl.isContextLost()) return;
     const width = canvas.width, height = canvas.height, aspect = width / height;
-    const large = target("large", width * side, height * side, true);
+    const large = target(side < 2 ? "coarse" : "large", Math.ceil(width * side), Math.ceil(height * side), true);
     gl.bindFramebuffer(gl.FRAMEBUFFER, large.frame);
     gl.viewport(0, 0, large.width, large.height);
     gl.disable(gl.SCISSOR_TEST);
@@ -350,7 +360,7 @@
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (state.split) {
-      const at = Math.round(state.at * width) * side;
+      const at = Math.round(Math.round(state.at * width) * side);
       gl.enable(gl.SCISSOR_TEST);
       gl.scissor(0, 0, at, large.height);
       drawSkin(state.other, state.camera, aspect);
@@ -361,7 +371,7 @@
     programs.resolve ??= compiled(written(bake.shaders.screen_vert, {}), RESOLVE);
     programs.display ??= compiled(written(bake.shaders.screen_vert, {}), written(bake.shaders.display_frag, bake.tonemap));
     const small = target("small", width, height, false), text = target("text", width, height, false);
-    pass(programs.resolve, small, (place) => { bind(place, 0, "frame", large.texture); gl.uniform1i(place("side"), side); });
+    pass(programs.resolve, small, (place) => { bind(place, 0, "frame", large.texture); gl.uniform1f(place("side"), side); });
     pass(programs.display, null, (place) => {
       bind(place, 0, "frame", small.texture);
       bind(place, 1, "text", text.texture);
@@ -371,17 +381,44 @@
     });
   }
 
-  function redraw() {  // at once with a point a pixel, and with four as soon as nothing moves
+  function redraw() {  // a coarse frame at once, and one with four points a pixel as soon as nothing moves
     clearTimeout(later);
-    later = setTimeout(fine, 160);
+    later = 0;
+    changed = true;
     tell();
     if (ready && skyWanted() && !skyThere()) readSkies().then(redraw, failed);
-    wanted ||= requestAnimationFrame(() => { wanted = 0; draw(1); });
+    if (!drawing) wanted ||= requestAnimationFrame(coarse);
   }
 
-  function fine() {  // a coarse frame that a busy machine has not drawn yet must not come after it
-    cancelAnimationFrame(wanted);
-    wanted = later = 0;
+  function coarse() {  // one at a time: a driver that is slow would else be behind what is asked for
+    wanted = 0;
+    changed = false;
+    const begun = performance.now();
+    draw(points);
+    whenDrawn(() => {
+      const took = performance.now() - begun;
+      if (took > SLOW_MS) points = Math.max(points / 2, COARSEST);
+      else if (took < QUICK_MS) points = Math.min(points * 2, 1);
+      if (changed) wanted ||= requestAnimationFrame(coarse);
+      else later = setTimeout(fine, PAUSE_MS);
+    });
+  }
+
+  function whenDrawn(then) {
+    const frame = (drawing = ready && !gl.isContextLost() ? gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0) : {});
+    const look = () => {
+      if (frame instanceof WebGLSync && !gl.isContextLost() && gl.clientWaitSync(frame, 0, 0) === gl.TIMEOUT_EXPIRED)
+        return setTimeout(look, 2);
+      if (frame instanceof WebGLSync) gl.deleteSync(frame);
+      drawing = null;
+      then();
+    };
+    if (ready) gl.flush();
+    setTimeout(look);
+  }
+
+  function fine() {
+    later = 0;
     draw(2);
     addressed();
   }
@@ -602,7 +639,7 @@
   // For scripts and tests: a picture of a view, as a data URL
   window.skinbake = {
     ready: () => ready,
-    still: () => ready && !wanted && !later && !(skyWanted() && !skyThere()),  // nothing is left to be drawn
+    still: () => ready && !wanted && !later && !drawing && !(skyWanted() && !skyThere()),  // nothing is left to be drawn
     async render({ view, mode = "full", width, height, exposure = bake.exposure, skin = "", turn = 0 }) {
       if (skyOf(mode)) await readSkies();
       const kept = { ...state, gains: [...state.gains] }, size = [canvas.width, canvas.height];
