@@ -27,6 +27,7 @@ Entry = dict[str, NDArray[Any]]
 FOLDER = "SKINBAKE_CACHE"
 GIB = 2**30
 DEFAULT_LIMIT_BYTES = 8 * GIB
+SHARE = 1 / 8  # of the room that is left: others write there, too
 ORPHANED_S = 3600.0  # a temporary file this old has no writer any more
 CONTENTS = "skinbake.contents"  # beside the arrays of an entry: what they are
 _NAME = re.compile(r"[0-9a-f]{62}\.npz")
@@ -61,6 +62,7 @@ class Cache:
     say: Callable[[str], None] | None = None
     hits: int = field(default=0, init=False)
     misses: int = field(default=0, init=False)
+    _may_write: float = field(default=-1.0, init=False)  # bytes, before the folder is looked through again
 
     def get_many(
         self, keys: Mapping[str, str], make: Callable[[tuple[str, ...]], Mapping[str, Entry]]
@@ -152,7 +154,9 @@ class Cache:
         arrays: dict[str, Any] = entry | {CONTENTS: contents}
         with suppress(SkinbakeError, OSError), atomic_write(self.path_of(key)) as temporary:
             np.savez(temporary, **arrays)
-        self.prune()
+        self._may_write -= sum(array.nbytes for array in entry.values())
+        if self._may_write < 0:
+            self.prune()
 
     def prune(self) -> None:
         """Drop the entries read longest ago, until the rest fits, and what killed writers left.
@@ -175,6 +179,7 @@ class Cache:
             with suppress(OSError):
                 path.unlink()
                 used -= size
+        self._may_write = SHARE * max(self.limit_bytes - used, 0)
 
     def path_of(self, key: str) -> Path:
         """Path of an entry's file."""
