@@ -121,10 +121,10 @@ class Baked:
     @property
     def plan(self) -> tuple[Decision, ...]:
         """Every decision of the bake, in the order of its stages."""
-        return (*self._of_lights, *(self.relight.plan if self.relight else ()))
+        return (*self.of_lights, *(self.relight.plan if self.relight else ()))
 
     @property
-    def _of_lights(self) -> tuple[Decision, ...]:
+    def of_lights(self) -> tuple[Decision, ...]:
         """Those on the look's own lights."""
         decided = self.irradiance[0].decided if self.irradiance else ()
         return (*self.decisions.of_look, *decided, *self.diffuse.plan)
@@ -135,7 +135,7 @@ class Baked:
         it was measured, and what the plan is estimated to leave out; None where nothing was measured.
         """
         error = self.diffuse.error
-        return left_wrong(self._of_lights, self.irradiance[0].lights, error.rms) if error else None
+        return left_wrong(self.of_lights, self.irradiance[0].lights, error.rms) if error else None
 
 
 def bake(stages: Stages) -> Baked:

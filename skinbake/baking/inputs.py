@@ -20,7 +20,7 @@ from skinbake.io.scene_files import read_scene
 from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.scene_data import SceneData
-from skinbake.profile import fit_skin
+from skinbake.profile import FitReport, fit_skin
 from skinbake.profile.skin_albedo import PIGMENTS
 from skinbake.profile.varying_skin import Range, ranges_of
 from skinbake.scene.maps import OF_SKIN
@@ -78,9 +78,9 @@ class BakeInputs:
         )
         found = self._session.peek("texture_size", key)
         if found is None:
-            path, scene = self.table_path, self.scene()
-            gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None, over=self.varying).gaussians
-            found = self._session.put("texture_size", key, choose_size(spec, scene.mesh, scene.maps, gaussians))
+            scene = self.scene()
+            chosen = choose_size(spec, scene.mesh, scene.maps, self.fit.gaussians)
+            found = self._session.put("texture_size", key, chosen)
             if found.size != spec.texture.size and _layout_of_its_own(spec):
                 self._scene = None  # made at the other size
         return found
@@ -111,6 +111,12 @@ class BakeInputs:
     def varying(self) -> dict[str, Range]:
         """What the maps vary of the skin, and between which values."""
         return ranges_of(self.scene().maps, self.spec.skin, self.tiles) if self.skin_maps else {}
+
+    @cached_property
+    def fit(self) -> FitReport:
+        """The skin's Gaussians, fitted: asked for only where they are not stored."""
+        path = self.table_path
+        return fit_skin(self.spec.skin, read_profile_csv(path) if path else None, over=self.varying)
 
     def work_on(self, scene: SceneData) -> None:
         """Take a scene for that of the files: the same one in another form."""

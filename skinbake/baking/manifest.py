@@ -76,7 +76,6 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
     baked : Baked
     """
     spec, udim, error = inputs.spec, inputs.spec.texture.udim, baked.diffuse.error
-    of_lights = [line for line in baked.plan if not line.term.startswith("relight.")]
     lobes = []
     for index, lobe in enumerate(baked.diffuse.lobes):
         files = {tile: tile_path(results.folder / lobe_name(index, lobe), tile, udim).name for tile in lobe.rgb}
@@ -103,8 +102,8 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
         "texturing": spec.texturing.model_dump(),
         "terms": {
             "energy_conservation": baked.decisions.energy_conservation.enabled,
-            **{term: kept_of_any_light(of_lights, term) for term in ("incidence", "beam", "interreflection")},
-            "curvature": any(line.term == "curvature" and line.enabled for line in of_lights),
+            **{term: kept_of_any_light(baked.of_lights, term) for term in ("incidence", "beam", "interreflection")},
+            "curvature": any(line.term == "curvature" and line.enabled for line in baked.of_lights),
             "transmission": any(lobe.transmitted for lobe in baked.diffuse.lobes),
         },
         "timings": dict(log.seconds),

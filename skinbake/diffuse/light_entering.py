@@ -125,7 +125,9 @@ def light_entering(
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     exponent = np.float32(spec.texturing.exponent_before)
     terms = spec.terms
-    curved, line = curve_skin(scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible)
+    curved, line = curve_skin(
+        scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible, terms.beam != "off"
+    )
     shifts, shifted, lines = _decide_beam(spec, budget, scene, atlas, irradiance, gaussians, medium, curved)
     plan += [*lines, line]
     light, further = {}, {}

@@ -178,9 +178,9 @@ def _conserves(folder: Path) -> bool:
 
 
 def _oil_maps(baked: BakedSkin) -> Iterator[str]:
-    """Maps of the oil that the look has."""
+    """Maps of the oil that the look has; details bend normals, and what is finer than a texel roughens."""
     maps = baked.look.maps
-    bends = maps.normal or maps.height or maps.detail
-    for name, there in (("normal", bends), ("roughness", maps.roughness), ("specular", maps.specular or maps.cavity)):
+    bends, rough = maps.normal or maps.height or maps.detail, maps.roughness or maps.detail
+    for name, there in (("normal", bends), ("roughness", rough), ("specular", maps.specular or maps.cavity)):
         if there or (maps.source and name != "specular"):
             yield name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,31 +20,42 @@ from skinbake.scene.spec import SceneSpec
 METHOD = "relight"  # what files say of how such a lobe was made
 
 
-def decide_reuse(spec: SceneSpec, transfer: Transfer, gaussians: GaussianSum) -> Decision:
-    """Whether every light of a look comes from everywhere and is known to the transfer within the look's tolerance.
+def decide_reuse(
+    spec: SceneSpec, make: Callable[[], Transfer], gaussians: GaussianSum, limit: float
+) -> tuple[Transfer | None, Decision]:
+    """The transfer, where every light of a look comes from everywhere and is known to it well enough; and the line.
 
     Parameters
     ----------
     spec : SceneSpec
-    transfer : Transfer
-        Of the same look but for its lights.
+    make : callable
+        Gives the transfer of the same look but for its lights; asked only where the lights are of such kinds.
     gaussians : GaussianSum
+    limit : float
+        What its error may be.
     """
-    tolerance, told = spec.diffusion.tolerance, {}
-    if gaussians.table is not None:
-        return Decision("relight.reuse", False, "the skin varies by maps: its weights are of lobes")
-    for light in spec.lights:
-        kind = _kind(light)
-        if kind is None:
-            return Decision("relight.reuse", False, f"light {light.name} is near: only suns and skies come from afar")
-        if light.shadows is not None and light.shadows != spec.shadows:
-            return Decision("relight.reuse", False, f"light {light.name} casts shadows otherwise than the look says")
-        told[kind] = transfer.error[kind].rms
+    why = _why_not(spec, gaussians)
+    if why:
+        return None, Decision("relight.reuse", False, why)
+    transfer = make()
+    told = {kind: transfer.error[kind].rms for kind in map(_kind, spec.lights) if kind}
     figures = ", ".join(f"{kind} {rms:.2%}" for kind, rms in told.items())
-    kept = max(told.values(), default=0.0) <= tolerance
+    kept = max(told.values(), default=0.0) <= limit
     verdict = "within" if kept else "above"
-    why = f"{len(transfer.basis)} textures state an error of {figures}, {verdict} the tolerance of {tolerance:.2%}"
-    return Decision("relight.reuse", kept, why)
+    why = f"{len(transfer.basis)} textures state an error of {figures}, {verdict} the tolerance of {limit:.2%}"
+    return transfer if kept else None, Decision("relight.reuse", kept, why)
+
+
+def _why_not(spec: SceneSpec, gaussians: GaussianSum) -> str:
+    """Why no transfer can show these lights on this skin; empty where one can."""
+    if gaussians.table is not None:
+        return "the skin varies by maps: its weights are of lobes"
+    for light in spec.lights:
+        if _kind(light) is None:
+            return f"light {light.name} is near: only suns and skies come from afar"
+        if light.shadows is not None and light.shadows != spec.shadows:
+            return f"light {light.name} casts shadows otherwise than the look says"
+    return ""
 
 
 def _kind(light: LightSpec) -> str | None:
@@ -75,9 +86,9 @@ def reused_lights(
     total = gaussians.weight_rgb.sum(axis=0)
     separate = spec.output.separate_lights
     rgb: dict[int, NDArray[np.float32]] = {}
+    amounts = [_coefficients(transfer, light, environments) for light in spec.lights]
+    shown = amounts if separate else [np.sum(amounts, axis=0)]
     for tile, textures in transfer.textures.items():
-        amounts = [_coefficients(transfer, light, environments) for light in spec.lights]
-        shown = amounts if separate else [np.sum(amounts, axis=0)]
         rgb[tile] = np.stack([relit(textures, each) for each in shown]) * safe_div(1.0, total).astype(np.float32)
     names = tuple(light.name for light in spec.lights) if separate else (TOTAL_LIGHT,)
     weight = (float(total[0]), float(total[1]), float(total[2]))

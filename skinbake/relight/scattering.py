@@ -92,7 +92,7 @@ class Scattering:
         self._view: SkinView | None = None
         self._through = spec.terms.transmission
         self._curved, line = curve_skin(
-            scene.mesh, spec.texture, gaussians, medium, spec.terms.curvature, self._budget.negligible
+            scene.mesh, spec.texture, gaussians, medium, spec.terms.curvature, self._budget.negligible, beams=False
         )
         self.lines: list[Decision] = [replace(line, term="relight.curvature")]
 

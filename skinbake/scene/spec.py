@@ -586,6 +586,13 @@ class SceneSpec(Strict):
             raise ValueError(f"expected a size of at most that of the texture, {largest}, got {relight.size}")
         return relight
 
+    @field_validator("output")
+    @classmethod
+    def _lights_to_export(cls, output: OutputSpec, info: ValidationInfo) -> OutputSpec:
+        if output.export and info.data.get("lights") == ():
+            raise ValueError("expected no export of a look whose lights all come later, got output.export")
+        return output
+
     @field_validator("terms")
     @classmethod
     def _no_beam(cls, terms: TermsSpec, info: ValidationInfo) -> TermsSpec:

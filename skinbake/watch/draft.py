@@ -20,10 +20,10 @@ from skinbake.baking.stage_log import StageLog
 from skinbake.io.memory_cache import MemoryCache
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.preview.scene import PreviewScene
+from skinbake.scene.maps import IMAGES
 from skinbake.scene.spec import SceneSpec
 
 SIZE, TOLERANCE, DRAFT_METHOD = 512, 0.05, "hybrid"
-AVERAGED = ("albedo", "normal", "roughness", "specular", "scatter", "radius", "melanin", "haemoglobin")
 LEFT_OUT = ("beam", "interreflection", "transmission")  # unless the look says "on": to weigh them takes time
 
 
@@ -110,7 +110,7 @@ class Drafter:
         if self._read is not scene or self._small is None:
             maps: dict[str, Any] = {
                 role: {tile: _shrunk(image, size[::-1]) for tile, image in getattr(scene.maps, role).items()}
-                for role in AVERAGED
+                for role in IMAGES
             }
             self._read, self._small = scene, replace(scene, maps=replace(scene.maps, **maps))
         return self._small

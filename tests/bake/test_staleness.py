@@ -358,7 +358,7 @@ def quick_writing(monkeypatch):
             fits[key] = fit_skin(skin, table, over=over)
         return fits[key]
 
-    monkeypatch.setattr("skinbake.baking.stages.profile.fit_skin", fit_once)
+    monkeypatch.setattr("skinbake.baking.inputs.fit_skin", fit_once)
     monkeypatch.setattr("skinbake.diffuse.planning.texture_size.SMALLEST", 16)
     monkeypatch.setattr("skinbake.io.profile_plot.write_fit_plot", lambda path, fit: write_text(path, repr(fit.curve)))
     monkeypatch.setattr("os.fsync", lambda file: None)

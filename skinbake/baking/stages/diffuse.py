@@ -164,9 +164,9 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         slanted = medium.layers and inputs.spec.terms.incidence != "off"
         line = None
         if self._transfer is not None:
-            transfer = self._transfer.result()
-            line = decide_reuse(inputs.spec, transfer, gaussians)
-            if line.enabled:
+            limit = inputs.decisions.budget.left
+            transfer, line = decide_reuse(inputs.spec, self._transfer.result, gaussians, limit)
+            if transfer:
                 return reused_lights(inputs.spec, transfer, gaussians, inputs.scene().environments, line)
         made = scatter(
             inputs.spec.model_copy(update={"skin": self._mean_skin()}),
@@ -188,26 +188,29 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             return None
 
         def remember(kind: Any, names: tuple[str, ...], make: Any) -> Any:
-            return cache.get_many({name: self._blur_key((light_keys[name], entering), kind) for name in names}, make)
+            keys = {name: self._blur_key(name, (light_keys[name], entering), kind) for name in names}
+            return cache.get_many(keys, make)
 
         return remember
 
-    def _blur_key(self, light: tuple[str, list[Any]], kind: tuple[Any, ...]) -> str:
+    def _blur_key(self, name: str, light: tuple[str, list[Any]], kind: tuple[Any, ...]) -> str:
         """Digest of one light's lobe, or its values at probes.
 
         Parameters
         ----------
+        name : str
+            Of the light, which says what of the tolerance is its own.
         light : (str, list)
             Its irradiance's key, and what the terms make of it.
         kind : tuple
             How it is blurred.
         """
-        spec = self._inputs.spec
+        spec, budget = self._inputs.spec, self._inputs.decisions.budget
         return key_of(
             code_digest(__name__),
             self._inputs.key("mesh"),
             spec.diffusion.model_dump(mode="json", exclude={"probes"}),
-            self._inputs.decisions.budget.record(),
+            (budget.blur, budget.negligible, budget.terms_left(name)),
             self._albedo_before(),
             self._sources(),
             light,

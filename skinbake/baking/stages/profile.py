@@ -6,16 +6,15 @@ from typing import TYPE_CHECKING
 
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
-from skinbake.io.table import read_profile_csv
 from skinbake.pipeline import Stage
-from skinbake.profile import FitReport, GaussianSum, fit_skin
+from skinbake.profile import FitReport, GaussianSum
 
 if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
     from skinbake.baking.result_store import ResultStore
     from skinbake.pipeline import StageTimer
 
-CODE = (__name__, "skinbake.io.profile")
+CODE = (__name__, "skinbake.io.profile", "skinbake.io.table", "skinbake.profile")
 
 
 class ProfileStage(Stage[FitReport, GaussianSum]):
@@ -33,7 +32,10 @@ class ProfileStage(Stage[FitReport, GaussianSum]):
         """
         inputs, skin = self._inputs, self._inputs.spec.skin
         written = (skin.model_dump(mode="json", exclude={"path", "medium"}), "fit" in skin.model_fields_set)
-        maps = inputs.key(*inputs.skin_maps) if inputs.skin_maps else None
+        # Ranges of maps are over the mesh's tiles, and over its own layout where one is made
+        laid_out = inputs.spec.texture.udim or inputs.spec.texture.unwrap != "none"
+        roles = (*inputs.skin_maps, *(("mesh",) if laid_out else ()))
+        maps = inputs.key(*roles) if inputs.skin_maps else None
         return key_of(code_digest(*CODE), written, inputs.digests.get("skin"), maps)
 
     def load(self) -> GaussianSum | None:
@@ -42,9 +44,7 @@ class ProfileStage(Stage[FitReport, GaussianSum]):
 
     def compute(self) -> FitReport:
         """The fit with its figures."""
-        path = self._inputs.table_path
-        table = read_profile_csv(path) if path else None
-        return fit_skin(self._inputs.spec.skin, table, over=self._inputs.varying)
+        return self._inputs.fit
 
     def store(self, made: FitReport) -> GaussianSum:
         """Keep the fit, and give its Gaussians."""

@@ -65,7 +65,13 @@ class CurvedSkin:
 
 
 def curve_skin(
-    mesh: SkinMesh, texture: TextureSpec, gaussians: GaussianSum, medium: SkinMedium, switch: str, negligible: float
+    mesh: SkinMesh,
+    texture: TextureSpec,
+    gaussians: GaussianSum,
+    medium: SkinMedium,
+    switch: str,
+    negligible: float,
+    beams: bool = True,
 ) -> tuple[CurvedSkin | None, Decision]:
     """What the skin's curvature makes of the lobes, where that is worth it, and the plan's line.
 
@@ -78,12 +84,16 @@ def curve_skin(
     switch : "auto", "on" or "off"
     negligible : float
         It costs next to nothing, and is left out below this root mean square only.
+    beams : bool
+        Whether there may be slanted beams, which it spreads also where the profile is white.
     """
     if switch == "off":
         return None, Decision("curvature", False, "off")
     if len(medium.layers) != 1 or medium.to_rgb is not None:
         why = medium.why or "skin of several layers or wavelengths has no single depth at which light scatters"
         return None, Decision("curvature", False, f"{switch}: {why}")
+    if gaussians.normalise == "white" and not beams:
+        return None, Decision("curvature", False, f"{switch}: a white profile has the skin's own form in it")
     (layer,) = medium.layers
     # Light that leaves has come from as far as the geometric mean of a free path and the diffusion length
     path_mm, decay = layer.medium.free_path_mm, layer.medium.sigma_tr_per_mm
