@@ -110,3 +110,29 @@ def test_who_converts_colours_counts_where_its_names_are_used(keys, tmp_path, mo
         found.append((keys(), keys("albedo", color_space="acescg")))
     assert found[0][0] == found[1][0]
     assert found[0][1] != found[1][1]
+
+
+def test_the_fit_of_maps_in_a_layout_of_its_own_hangs_on_the_layout(tmp_path):
+    """Their range is that of the texels that lie on the mesh; without such maps no fit knows of mesh or size."""
+    write_obj(tmp_path / "m.obj", quad(240, 200))
+    (tmp_path / "r.png").write_text("content")
+
+    def key(size, maps, **texture):
+        spec = SceneSpec.model_validate(
+            {
+                "mesh": {"path": str(tmp_path / "m.obj"), "unit": "mm"},
+                "maps": maps,
+                "texture": {"size": size} | texture,
+                "skin": {"model": "gaussians", "variance_mm2": [1.0], "weight_rgb": [[1.0, 1.0, 1.0]]},
+                "lights": [{"name": "key", "type": "directional", "direction": [0, 0, -1], "irradiance": [1, 1, 1]}],
+                "output": {"dir": "out"},
+            }
+        )
+        session, log = BakeSession(), StageLog()
+        return look_stages(BakeInputs(spec, session, log), MemoryStore(), session, log).profile.key()
+
+    varies = {"radius": str(tmp_path / "r.png")}
+    for changed in ({"unwrap": "xatlas"}, {"udim": True}):
+        assert key(64, varies, **changed) != key(128, varies, **changed)
+        assert key(64, {}, **changed) == key(128, {}, **changed)
+    assert key(64, varies) == key(128, varies)

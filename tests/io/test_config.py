@@ -123,6 +123,13 @@ def test_all_faults_are_told_at_once(look):
     assert len(faults(look(text))) >= 2
 
 
+def test_no_export_of_lights_that_all_come_later(look):
+    """It is said before the bake, not after it."""
+    told = faults(look(), "lights=[]", "relight={}", "output.export=[web]")
+    assert len(told) == 1
+    assert told[0].endswith("expected no export of a look whose lights all come later, got output.export")
+
+
 def test_overrides_are_named_in_their_faults(look):
     """A fault that came from the command line does not blame the file."""
     assert faults(look(), "texture.size=0")[0].startswith("--set texture.size: texture.size")
