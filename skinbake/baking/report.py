@@ -10,6 +10,7 @@ from skinbake.baking.stage_log import StageLog
 from skinbake.errors import ToleranceMissedError
 from skinbake.pipeline import Baked
 from skinbake.scene.spec import SceneSpec
+from skinbake.transport.model_error import rms_words
 
 
 def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, lost: float = 0.0) -> None:
@@ -47,7 +48,7 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, 
     if model:
         log.say(
             f"  the model's error, against light transport, {model['points']} points: "
-            f"rms {model['rms']:.1%} +- {model['stderr']:.1%} (skinbake truth)",
+            f"rms {rms_words(model['rms'], model['stderr'])} (skinbake truth)",
             2,
         )
 

@@ -69,7 +69,9 @@ def verdict(manifest: Mapping[str, Any]) -> str:
         parts.append(f"the coarser texture loses about {_percent(error['texture_size'])}")
     model = error.get("model")
     if model:
-        parts.append(f"about {_percent(model['rms'])} from light transport")
+        noise = model["stderr"]
+        found = f"less than {_percent(noise)}" if model["rms"] < noise else f"about {_percent(model['rms'])}"
+        parts.append(f"{found} from light transport")
     else:
         parts.append("light transport not measured")
     return "; ".join(parts)

@@ -85,8 +85,10 @@ def _bake(manifest: dict[str, Any], inputs: dict[str, dict[str, str]]) -> list[s
             f"fit {', '.join(f'{e:.2%}' for e in error['fit'])})"
         )
     if model := error.get("model"):
+        from skinbake.transport.model_error import rms_words
+
         lines.append(
-            f"model    rms {model['rms']:.1%} +- {model['stderr']:.1%} from light transport, {model['points']} points"
+            f"model    rms {rms_words(model['rms'], model['stderr'])}, from light transport, {model['points']} points"
         )
     if manifest["timings"]:
         lines.append("seconds  " + ", ".join(f"{stage} {s:.2f}" for stage, s in manifest["timings"].items()))

@@ -100,7 +100,7 @@ def command(
     later = None
     if environment or suns:
         later = later_light(environment, rotate, suns)
-        if lights or skin or compare or mode == "none":
+        if lights or skin is not None or compare or mode == "none":
             raise InputError(
                 "--environment and --sun: expected neither --lights, --skin, --compare nor --mode none beside them"
             )
@@ -120,7 +120,7 @@ def command(
         with progress.task("reading the bake"):
             baked = read_relit_folder(folder) if later else read_bake_folder(folder)
         scene, skins = baked.scene, [] if later else other_skins(baked)
-        if skin:
+        if skin is not None:
             skins.insert(0, other_skin(baked, skin))
             scene = shown_with(baked, skin, verbosity)
         actions = window_actions(Path(folder), None if named == folder else Path(named))
@@ -214,7 +214,7 @@ def render_still(
     ]
     inputs = [*textures, *every_input(baked.spec)]
     out = Path(out) if out else baked.path
-    scene = shown_with(baked, skin, verbosity) if skin else baked.scene
+    scene = shown_with(baked, skin, verbosity) if skin is not None else baked.scene
     with progress.task("starting OpenGL"):
         renderer = OffscreenRenderer(scene)
     progress.line(f"drawn by {renderer_words(renderer.device)}")

@@ -66,12 +66,18 @@ def _print(error: dict[str, Any], split: dict[str, Any]) -> None:
     def row(values: list[float]) -> str:
         return " ".join(f"{100 * value:.1f}" for value in values)
 
+    def off(found: dict[str, Any]) -> str:
+        """The rms of each channel; of one that is lost in the walks' noise, what it is below."""
+        pairs = zip(found["rms_rgb"], found["stderr_rgb"], strict=True)
+        return " ".join(f"<{100 * noise:.1f}" if rms < noise else f"{100 * rms:.1f}" for rms, noise in pairs)
+
     console = Console(soft_wrap=True, width=160)  # five terms, each with its standard error
     table = Table(title="the model's error: distance from light transport, rms % (R, G, B)")
     for column in ("skin", "points", "rms", "stderr", "bias"):
         table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)
     for name, found in error.items():
-        table.add_row(name, str(found["points"]), *(row(found[key]) for key in ("rms_rgb", "stderr_rgb", "bias_rgb")))
+        figures = (off(found), row(found["stderr_rgb"]), row(found["bias_rgb"]))
+        table.add_row(name, str(found["points"]), *figures)
     console.print(table)
     if not split:
         return
@@ -80,5 +86,5 @@ def _print(error: dict[str, Any], split: dict[str, Any]) -> None:
         table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)
     for name, found in error.items():
         shares = [f"{row(of[name]['rms_rgb'])} ({100 * max(of[name]['stderr_rgb']):.1f})" for of in split.values()]
-        table.add_row(name, *shares, row(found["rms_rgb"]))
+        table.add_row(name, *shares, off(found))
     console.print(table)

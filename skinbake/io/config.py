@@ -206,7 +206,7 @@ def load_named_skin(name: str) -> SkinSpec:
         file = next(folder / f"{name}.yaml" for folder in preset_folders() if (folder / f"{name}.yaml").is_file())
         return load_skin(file)
     if not Path(name).is_file():
-        raise InputError(f"skin: expected a file, or one of {', '.join(skin_names())}, got {name}")
+        raise InputError(f"skin: expected a file, or one of {', '.join(skin_names())}, got {name or 'nothing'}")
     return load_skin(name)
 
 

@@ -35,7 +35,8 @@ Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Charts = Callable[[int, tuple[int, int]], Mask]  # tile and shape (h, w) to the texels whose centre a chart holds
 WHITE = (1.0, 1.0, 1.0)
-RINGING = 0.05  # what a sharpening filter may leave below 0 or above 1; clamped, while more is refused
+RINGING = 0.05  # of a range of 1 or less, what a sharpening filter may leave beyond it; clamped, more is refused
+HALF_BIT = 2.0**-11  # of a value: how half floats round it
 AGREE = 4 / 255  # between channels of a grey picture: JPEG's noise
 BLACK = 4 / 255  # as stored, of a texel that nobody painted; JPEG's noise
 LUMINANCE_RGB = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of Rec.709
@@ -90,7 +91,8 @@ def read_maps(
             if beside.any():
                 beside &= ~charts(tile, beside.shape)
                 unpainted = beside if opaque else unpainted | beside
-        return filled(values, unpainted)
+        values = filled(values, unpainted)
+        return _refuse_narrow(path, values, charts and charts(tile, values.shape)) if name == "radius" else values
 
     files = {name: _files(name, of, tiles) for name, of in spec.files().items()}
     refuse_beyond_memory(
@@ -285,11 +287,24 @@ def _scaled(of: ScaledMapSpec, path: Path, stored: StoredImage, low: float, high
 
 def _radius(of: ScaledMapSpec, path: Path, stored: StoredImage) -> Image:
     try:
-        return _scaled(of, path, stored, LEAST_RADIUS, MOST_RADIUS)
+        return _scaled(of, path, stored, 0.0, MOST_RADIUS)  # black, where nobody painted, is 0 until it is filled
     except InputError as error:
+        raise InputError(f"{error}: expected factors on the profile's width") from error
+
+
+def _refuse_narrow(path: Path, values: Image, on_chart: Mask | None) -> Image:
+    """Factors on the profile's width with those that no skin reads clamped; refuse narrower ones on the skin."""
+    narrow = values < LEAST_RADIUS * (1 - HALF_BIT)
+    if on_chart is not None:
+        narrow &= on_chart
+    if narrow.any():
+        row, col = np.argwhere(narrow)[0]
         raise InputError(
-            f"{error}: expected factors on the profile's width; what does not scatter is for maps.scatter"
-        ) from error
+            f"{path}: expected factors on the profile's width from {LEAST_RADIUS:g} to {MOST_RADIUS:g}, got "
+            f"{values[row, col]:.3g} at column {col}, row {row} ({np.count_nonzero(narrow)} in all); what does not "
+            "scatter is for maps.scatter"
+        )
+    return np.maximum(values, np.float32(LEAST_RADIUS))
 
 
 def _data(of: MapSpec, path: Path, stored: StoredImage) -> Image:
@@ -444,7 +459,8 @@ def _files(name: str, of: FileMapSpec, tiles: Sequence[int]) -> dict[int, Path]:
 
 def _within(path: Path, values: Image, low: float, high: float) -> Image:
     """Clamp in place what rings, refuse what is further out."""
-    least, most = low - RINGING, high + RINGING
+    rings = RINGING * min(1.0, high - low)
+    least, most = low - rings, high + rings
     if values.min() < least or values.max() > most:
         bad = (values < least) | (values > most)
         row, col, channel = np.argwhere(bad)[0]

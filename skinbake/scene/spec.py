@@ -529,8 +529,9 @@ class SceneSpec(Strict):
 
     @model_validator(mode="after")
     def _albedo(self) -> SceneSpec:
-        """Decide the albedo of skin without a map, once for all who ask."""
-        if self.maps.albedo_rgb is None:
+        """Decide the albedo of skin without a map, once for all who ask; a skin that has its own colour has none."""
+        own = isinstance(self.skin, PhysiologySkin) and self.skin.albedo is not None
+        if self.maps.albedo_rgb is None and not own:
             colour = SKIN_RGB if self.skin.normalise == "white" else (1.0, 1.0, 1.0)
             object.__setattr__(self, "maps", self.maps.model_copy(update={"albedo_rgb": colour}))
         return self
@@ -547,7 +548,7 @@ class SceneSpec(Strict):
         if isinstance(skin, PhysiologySkin) and skin.albedo is not None:
             if skin.normalise == "none":
                 raise ValueError("skin.albedo: expected skin.normalise: white beside it: none has the colour already")
-            given = [name for name in ("albedo", "vertex_colors") if getattr(maps, name)]
+            given = [name for name in ("albedo", "albedo_rgb", "vertex_colors") if getattr(maps, name)]
             if given:
                 raise ValueError(f"skin.albedo: expected no maps.{given[0]} beside it, which says the colour, too")
         return self

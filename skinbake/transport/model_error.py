@@ -83,6 +83,19 @@ def _of_group(baked: Float, truth: Float, stderr: Float, weight: Float) -> Group
     }
 
 
+def rms_words(rms: float, stderr: float) -> str:
+    """A distance from transport as it is printed, without its unit: "4.1 % +- 0.3 %", or that it is lost in the noise.
+
+    Parameters
+    ----------
+    rms, stderr : float
+        As in `GroupError`, of a channel or of all.
+    """
+    if rms < stderr:
+        return f"below the noise of its walks, {stderr:.1%}"
+    return f"{rms:.1%} +- {stderr:.1%}"
+
+
 class TermShare(TypedDict):
     """What a term takes off a group's distance from transport, by channel.
 

@@ -255,8 +255,12 @@ def test_walks_refuse_skin_that_varies(plane):
 
 
 def test_bad_maps_are_named(plane):
-    with pytest.raises(InputError, match=r"ramp\.exr: expected values from 0\.05 to 20, got .*maps\.scatter"):
+    with pytest.raises(InputError, match=r"ramp\.exr: expected values from 0 to 20, got .*profile's width"):
         plane({"radius": {"path": "ramp.exr", "scale": 500}})
+    with pytest.raises(InputError, match=r"ramp\.exr: .* from 0\.05 to 20, got 0\.01 at column 0, .*maps\.scatter"):
+        plane({"radius": "ramp.exr"})
+    with pytest.raises(InputError, match=r"drop\.exr: expected values from 0 to 0\.1, got 0\.106 at column 0, row 14"):
+        plane({"haemoglobin": {"path": "drop.exr", "scale": 4}}, PHYSIOLOGY)
     with pytest.raises(InputError, match=r"ramp\.exr: expected values from 0 to 0\.5, got "):
         plane({"melanin": {"path": "ramp.exr", "scale": 5}}, PHYSIOLOGY)
     with pytest.raises(ConfigError, match=r"maps\.melanin: expected skin\.model: physiology beside it, got dipole"):
@@ -265,6 +269,8 @@ def test_bad_maps_are_named(plane):
         plane({"melanin": "ramp.exr", "radius": "steps.exr"}, PHYSIOLOGY)
     with pytest.raises(ConfigError, match=r"skin\.albedo: expected no maps\.albedo beside it"):
         plane({}, PHYSIOLOGY | {"albedo": "physiology"})
+    with pytest.raises(ConfigError, match=r"skin\.albedo: expected no maps\.albedo_rgb beside it"):
+        plane({"albedo": None, "albedo_rgb": [0.5, 0.4, 0.3]}, PHYSIOLOGY | {"albedo": "physiology"})
     with pytest.raises(ConfigError, match=r"skin\.albedo: expected skin\.normalise: white beside it"):
         plane({"albedo": None}, PHYSIOLOGY | {"albedo": "physiology", "normalise": "none"})
     with pytest.raises(ConfigError, match=r"expected diffusion\.normalise: true beside maps\.scatter, got false"):

@@ -72,8 +72,11 @@ def test_another_skin_is_refitted_onto_the_lobes(bake, tmp_path, capsys):
         said = capsys.readouterr().err
         assert f"skin {name.rpartition('/')[2].removesuffix('.yaml')}: its fit on these lobes is off by" in said
         assert "bake again for this one" in said
-    assert run(["preview", str(bake), "--png", str(tmp_path / "b.png"), "--skin", "nobody"]) == 2
-    assert "expected a file, or one of donner-three-layer" in capsys.readouterr().err
+    for name, got in (("nobody", "got nobody"), ("", "got nothing")):
+        assert run(["preview", str(bake), "--png", str(tmp_path / "b.png"), "--skin", name]) == 2
+        said = capsys.readouterr().err
+        assert "expected a file, or one of donner-three-layer" in said
+        assert got in said
 
 
 def test_lights_scale_the_float_picture(bake, tmp_path):

