@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from skinbake.baking.pace import STAGES, expected_seconds, keep_pace
 from skinbake.baking.preview_worker import PreviewWorker
 from skinbake.baking.report import refuse_missed, report
 from skinbake.baking.session import BakeSession
+from skinbake.baking.stage_log import StageLog
 from skinbake.baking.stages.preview import PreviewStage
 from skinbake.baking.stages.textures import TexturesStage
 from skinbake.baking.verdict import last_lines, marked, worst_place
@@ -29,6 +30,7 @@ def bake_look(
     preview: bool = True,
     verbosity: int = 1,
     session: BakeSession | None = None,
+    then: Callable[[dict[str, Any], StageLog], dict[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Bake a look into `spec.output.dir` and give its manifest.
 
@@ -45,6 +47,8 @@ def bake_look(
         0 says nothing, 1 a line a stage, 2 more.
     session : BakeSession, optional
         What this look shares with others.
+    then : callable, optional
+        What follows in the same folder, before the last lines are said; given the manifest, it gives what that is then.
 
     Raises
     ------
@@ -64,9 +68,12 @@ def bake_look(
     keep_pace(bake.inputs, log)
     about = f", about {sum(expected.values()):.1f} were expected" if expected else ""
     about = f", {compiling.seconds:.1f} of it compiling{about} of the rest" if compiling.seconds and about else about
-    log.say(f"done in {time.perf_counter() - start:.1f} s{about}")
-    for line in (*last_lines(folder, manifest, bake.results.holds_picture), *marked(manifest["warnings"])):
-        log.say(line)
+    try:
+        manifest = then(manifest, log) if then else manifest
+    finally:  # the bake itself is whole
+        log.say(f"done in {time.perf_counter() - start:.1f} s{about}")
+        for line in (*last_lines(folder, manifest, bake.results.holds_picture), *marked(manifest["warnings"])):
+            log.say(line)
     refuse_missed(spec, baked)
     return manifest
 

@@ -192,9 +192,12 @@ class FolderStore:
         return {MESH} if self._inputs.spec.texture.unwrap == "xatlas" else set()
 
     def keep_irradiance(self, maps: tuple[IrradianceMap, ...], provenance: Provenance) -> None:
-        """Write irradiance.exr, and mesh.obj where the UVs are our own: whoever shades with the textures needs them."""
+        """Write irradiance.exr, and mesh.obj where the UVs are our own: whoever shades with the textures needs them.
+
+        Files of other lights, or of another layout, go.
+        """
         lights = maps[0].lights
-        self._begin(self._mesh_names() | self._written(self.irradiance_paths().values(), lights))
+        self._begin_texture(self._mesh_names() | self._written(self.irradiance_paths().values(), lights), "irradiance")
         paths, unit = self.irradiance_paths(), self._inputs.spec.mesh.millimetres_per_unit or 1.0
         header = self._header(provenance) | {"skinbake:key": provenance.key}
         mesh = self._inputs.scene().mesh if self._inputs.spec.texture.unwrap == "xatlas" else None
@@ -240,9 +243,7 @@ class FolderStore:
         """Write lobe_*.exr and transmission.exr, and remove those of a look with more lobes."""
         separate = self._inputs.decisions.separate_lights
         names = self._written(self.lobe_paths(result), result.lights if separate else ())
-        left = {name for name in self._files.names if name.startswith(("lobe_", "transmission"))}
-        self._begin(names)
-        self._files.remove(left - names)
+        self._begin_texture(names, "lobe_", "transmission")
         header, output, udim = self._header(provenance), self._output, self._udim
         how = output.precision, output.compression, separate, udim, output.layout
         self._background.do(lambda: write_lobes(self.folder, result, provenance.key, header, *how))
@@ -334,6 +335,13 @@ class FolderStore:
         names = set(names)
         self.written |= names
         self._files.begin(names)
+
+    def _begin_texture(self, names: set[str], *begins: str) -> None:
+        """Begin to write textures, and remove those of the same kind, by how names begin, that will not be theirs."""
+        left = {name for name in self._files.names if name.startswith(begins)} - names
+        self._begin(names)
+        self._files.remove(left)
+        self.written -= left
 
     def _header(self, provenance: Provenance) -> dict[str, Any]:
         """Attributes that every EXR carries."""

@@ -23,6 +23,7 @@ WORDS = {  # what is done, by the name of its stage
     "preview": "drawing the picture",
     "textures": "making .tx files",
     "write": "writing files",
+    "export": "exporting",
 }
 OnEvent = Callable[[dict[str, Any]], None]
 

@@ -23,7 +23,7 @@ MIDDLE = 0.15  # of the extent: nearer to the middle than that is neither left n
 
 
 def last_lines(folder: Path, manifest: Mapping[str, Any], picture: bool) -> list[str]:
-    """Picture, verdict and next command.
+    """Picture, exports, verdict and next command.
 
     Parameters
     ----------
@@ -34,8 +34,10 @@ def last_lines(folder: Path, manifest: Mapping[str, Any], picture: bool) -> list
         Whether the folder has one of this bake.
     """
     here = as_typed(folder)
+    exports = manifest.get("export", {}).get("folder")
     return [
         f"picture  {os.path.join(here, PICTURE)}" if picture else f"folder   {here}",
+        *([f"exports  {os.path.join(here, exports)}"] if exports else []),
         f"verdict  {verdict(manifest)}",
         f"next     {_program()} preview {shlex.quote(here)}" + ("" if manifest["lobes"] else " --environment SKY.exr"),
     ]

@@ -25,6 +25,7 @@ def command(folder: str, to: str, verbosity: int, **kinds: bool) -> None:
     what is left of it is removed. A file that no export has made is never touched.
     """
     from skinbake.errors import InputError, printable
+    from skinbake.export.after_bake import refuse_own_exports
     from skinbake.export.exports import write_exports
     from skinbake.io.manifest import NAME as MANIFEST
     from skinbake.progress import Progress
@@ -42,7 +43,9 @@ def command(folder: str, to: str, verbosity: int, **kinds: bool) -> None:
     frames = sorted(path.parent.name for path in Path(folder).glob(f"*/{MANIFEST}"))
     if frames and not (Path(folder) / MANIFEST).is_file():
         raise InputError(f"{folder}: expected one bake, got several: {', '.join(frames[:5])} ...; name one")
-    with Progress(verbosity > 0).task("exporting"):
-        written = write_exports(Path(folder), wanted, Path(to))
+    refuse_own_exports(Path(to))
+    progress = Progress(verbosity > 0)
+    with progress.task("exporting"):
+        written = write_exports(Path(folder), wanted, Path(to), progress.line)
     if verbosity:
         print(printable("\n".join(map(str, written))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,12 @@ from skinbake.api import open_bake
 from skinbake.baking.bake_look import bake_look
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
-from skinbake.errors import ToleranceMissedError
+from skinbake.errors import InputError
 from skinbake.export.exports import export_names, write_exports
 from skinbake.io.export_list import NAME as LIST
-from skinbake.io.export_list import export_figures, is_exported, keep_export_list
+from skinbake.io.export_list import export_figures, is_exported, remove_exports
 from skinbake.io.lock import folder_lock
+from skinbake.io.manifest import NAME as MANIFEST
 from skinbake.io.manifest import read_manifest, write_manifest
 from skinbake.scene.spec import SceneSpec
 
@@ -46,17 +48,24 @@ def bake_and_export(
     InputError, MachineError, ToleranceMissedError
         As `bake_look`; InputError also where a file of others has the name of an export.
     """
-    session = session or BakeSession(keep=False)
-    log = StageLog(verbosity, session.on_event)
-    missed = None
-    try:
-        bake_look(spec, force, preview, verbosity, session)
-    except ToleranceMissedError as error:  # all is written
-        missed = error
-    _export(spec, force, log)
-    if missed:
-        raise missed
+    bake_look(spec, force, preview, verbosity, session, partial(_export, spec, force))
     return read_manifest(spec.output.dir)
+
+
+def refuse_own_exports(target: Path) -> None:
+    """Stop before something is exported to where a bake keeps the exports that its look asks for, and removes others.
+
+    Raises
+    ------
+    InputError
+        `target` is such a folder.
+    """
+    whole = target.resolve()
+    if whole.name == FOLDER and (whole.parent / MANIFEST).is_file():
+        raise InputError(
+            f"{target}: expected a folder of its own to export to, got that of the bake's output.export, from which the"
+            " next bake removes what its look does not ask for; choose another"
+        )
 
 
 def stale_export(spec: SceneSpec) -> str:
@@ -77,22 +86,32 @@ def _names(spec: SceneSpec, folder: Path) -> list[str]:
     return export_names(open_bake(folder), folder, spec.output.export)
 
 
-def _export(spec: SceneSpec, force: bool, log: StageLog) -> None:
-    """Write what is asked for and not there; remove what was asked for once, and that of another bake."""
+def _export(spec: SceneSpec, force: bool, manifest: dict[str, Any], log: StageLog) -> dict[str, Any]:
+    """Write what is asked for and not there; remove what was asked for once, and that of another bake.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    force : bool
+    manifest : mapping
+        Of the bake; it comes back with what was exported.
+    log : StageLog
+    """
     folder = Path(spec.output.dir)
     target, kinds = folder / FOLDER, spec.output.export
     if not kinds and not (target / LIST).is_file():
-        return
+        return manifest
     with folder_lock(folder, log.say):
-        manifest = read_manifest(folder)
         if not kinds:
-            keep_export_list(target, [], folder)
-            return
+            remove_exports(target)
+            return manifest
+        manifest = read_manifest(folder)
         names = _names(spec, folder)
         fresh = not force and is_exported(target, names, folder)
         with log.measured(FOLDER, lambda: fresh):
             if not fresh:
                 write_exports(folder, kinds, target)
         files = {name: export_figures(target).get(name, {}) for name in names}
-        write_manifest(folder, manifest | {"export": {"folder": FOLDER, "files": files}})
-    log.say(f"  exports: {target}")
+        manifest |= {"export": {"folder": FOLDER, "files": files}}
+        write_manifest(folder, manifest)
+    return manifest

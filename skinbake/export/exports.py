@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from skinbake.api import BakedSkin, open_bake
+from skinbake.baking.verdict import as_typed
 from skinbake.errors import InputError
 from skinbake.export import blender, gltf, layers, summed, web
 from skinbake.io.export_list import finish_export_list, keep_export_list, refuse_foreign
@@ -37,7 +38,9 @@ EXPORTS = {
 }
 
 
-def write_exports(folder: Path, kinds: Sequence[str], target: Path) -> list[Path]:
+def write_exports(
+    folder: Path, kinds: Sequence[str], target: Path, say: Callable[[str], None] = lambda text: None
+) -> list[Path]:
     """Write exports of a bake, remove what is left of another bake, and give the paths of what was written.
 
     Parameters
@@ -47,6 +50,8 @@ def write_exports(folder: Path, kinds: Sequence[str], target: Path) -> list[Path
     kinds : sequence of str
         Keys of EXPORTS.
     target : Path
+    say : callable
+        Told of what was removed.
 
     Raises
     ------
@@ -62,7 +67,9 @@ def write_exports(folder: Path, kinds: Sequence[str], target: Path) -> list[Path
     refuse_foreign(target, names)
     figures: dict[str, Any] = {}
     with folder_lock(target):
-        keep_export_list(target, names, folder)
+        removed, earlier = keep_export_list(target, names, folder)
+        if removed:
+            say(f"removed {removed} file{'s' * (removed > 1)} of the earlier export of {as_typed(earlier)}")
         for kind in kinds:
             figures |= EXPORTS[kind].write(baked, folder, target) or {}
         finish_export_list(target, names, folder, figures)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -56,10 +57,11 @@ def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
             )
 
 
-def keep_export_list(folder: Path, names: Sequence[str], bake: Path) -> None:
+def keep_export_list(folder: Path, names: Sequence[str], bake: Path) -> tuple[int, Path]:
     """Write down, before they are there, which files an export makes, and remove what is left of another bake.
 
-    Files that an earlier export of the same bake made stay, and stay listed.
+    Files that an earlier export of the same bake made stay, and stay listed. Gives how many
+    files were removed, and the bake of the earlier export.
 
     Parameters
     ----------
@@ -75,11 +77,27 @@ def keep_export_list(folder: Path, names: Sequence[str], bake: Path) -> None:
     """
     digest, earlier, made = bake_digest(bake), _listed(folder), _made(folder)
     stale = [name for name, of in earlier.items() if of != digest and name not in (*names, NAME)]
+    of_bake = Path(str(_read(folder).get("bake", "")))
     files = {name: of for name, of in earlier.items() if of == digest} | dict.fromkeys((*names, NAME), digest)
-    for name in stale:
-        if not (folder / name).is_dir():
-            (folder / name).unlink(missing_ok=True)
+    removed = sum(_remove(folder / name) for name in stale)
     _write(folder, bake, files, {name: of for name, of in made.items() if name in files and name not in names})
+    return removed, of_bake
+
+
+def remove_exports(folder: Path) -> None:
+    """Remove all that exports have made, the list too, and the folder where nothing else is in it."""
+    for name in (*_listed(folder), NAME):
+        _remove(folder / name)
+    with suppress(OSError):  # what others have put there stays
+        folder.rmdir()
+
+
+def _remove(path: Path) -> bool:
+    """Remove a file; whether there was one."""
+    there = not path.is_dir() and (path.exists() or path.is_symlink())
+    if there:
+        path.unlink(missing_ok=True)
+    return there
 
 
 def finish_export_list(folder: Path, names: Sequence[str], bake: Path, figures: Mapping[str, Any]) -> None:
@@ -169,11 +187,17 @@ def _made(folder: Path) -> dict[str, Any]:
 
 def _entries(folder: Path, key: str) -> dict[str, Any]:
     """An entry of the list by file name; nothing where there is none, or a damaged one."""
-    try:
-        files = json.loads((folder / NAME).read_text(encoding="utf-8"))[key]
-    except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        return {}
+    files = _read(folder).get(key)
     return files if isinstance(files, dict) and all(map(_is_plain, files)) else {}
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    """The list; nothing where there is none, or a damaged one."""
+    try:
+        found = json.loads((folder / NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _is_plain(name: str) -> bool:

@@ -103,6 +103,9 @@ def test_what_is_there_stays_and_what_is_gone_is_made(bakes):
     assert {path.name for path in (bakes / "single").glob("*.exr")} == {"irradiance.exr", "lobe_0.exr", "lobe_1.exr"}
     assert not [name for name in read_manifest(bakes / "single")["bytes"] if name.endswith(".key.exr")]
     bake(bakes, *SINGLE)
+    bake(bakes, out="single")  # the lights are there, and the files of the other layout go with this bake all the same
+    assert {path.name for path in (bakes / "single").glob("*.exr")} == {"irradiance.exr", "lobe_0.exr", "lobe_1.exr"}
+    bake(bakes, *SINGLE)
 
 
 def test_a_missing_light_is_said(bakes, capsys):

@@ -67,8 +67,12 @@ def test_what_is_stale_missing_or_cut_is_written_again(look, tmp_path):
     assert (folder / "sum.exr").read_bytes() != before
     assert set(look("output.export=gltf")) == {"skin.glb", "export.json"}
     (folder / "mine.txt").write_text("mine")
-    assert set(look()) == {"mine.txt", "export.json"}
+    assert set(look()) == {"mine.txt"}
     assert "export" not in read_manifest(tmp_path / "out")
+    (folder / "mine.txt").unlink()
+    look(asked)
+    look()
+    assert not folder.exists()
 
 
 def test_a_bake_that_missed_its_tolerance_is_exported(look):
@@ -87,6 +91,27 @@ def test_what_cannot_be_exported_is_said(look, tmp_path, capsys):
     look("output.export=sum", code=2)
     assert "sum.png: expected no file, or one of an earlier export" in capsys.readouterr().err
     assert (tmp_path / "out" / FOLDER / "sum.png").read_text() == "mine"
+
+
+def test_by_hand_nothing_goes_where_a_bake_removes(look, tmp_path, capsys):
+    """Neither by its own name nor through a link, before or after there are exports."""
+    look()
+    (tmp_path / "link").symlink_to(tmp_path / "out" / FOLDER)
+    for to in (tmp_path / "out" / FOLDER, tmp_path / "link"):
+        assert run(["export", str(tmp_path / "out"), "--to", str(to), "--sum", "--quiet"]) == 2
+        assert "got that of the bake's output.export" in capsys.readouterr().err
+    assert not (tmp_path / "out" / FOLDER).exists()
+
+
+def test_exports_are_told_of_before_the_verdict(bake, tmp_path, monkeypatch, capsys):
+    """By a path as short as that of the picture."""
+    monkeypatch.chdir(tmp_path)
+    assert run(["bake", str(bake.parent / "me.yaml"), "--out", "b", "--no-preview", "--set", "output.export=sum"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    first, *rest = (n for n, line in enumerate(lines) if line.startswith(("done", "exports", "verdict", "warning")))
+    assert [lines[n].split()[0] for n in (first, *rest[:2])] == ["done", "exports", "verdict"]
+    assert lines[rest[0]].split() == ["exports", "b/export"]
+    assert not [line for line in lines[rest[1] :] if "export" in line]
 
 
 @pytest.mark.slow  # the page's pictures

@@ -134,7 +134,7 @@ def test_a_bake_with_summed_lights_has_no_lobe_a_light(bake, tmp_path):
     assert list(read_parts(tmp_path / "x" / "lobe_0.exr")) == [""]
 
 
-def test_what_is_left_of_another_bake_goes(bake, tmp_path):
+def test_what_is_left_of_another_bake_goes(bake, tmp_path, capsys):
     """Exports of one bake add up, named by its folder, its manifest or its look; a changed one takes their place."""
     to = ["--to", str(tmp_path / "x"), "--quiet"]
     look = str(bake.parent / "me.yaml")
@@ -144,7 +144,10 @@ def test_what_is_left_of_another_bake_goes(bake, tmp_path):
     assert {"lobe_0.exr", "sum.exr", "skin.glb"} <= set(contents(tmp_path / "x"))
     other = ["--set", "lights.key.irradiance=[3,2,1]", "--out", str(tmp_path / "b"), "--no-preview", "--quiet"]
     assert run(["bake", look, *other]) == 0
-    assert run(["export", str(tmp_path / "b"), *to, "--sum"]) == 0
+    capsys.readouterr()
+    left = len(contents(tmp_path / "x")) - 3
+    assert run(["export", str(tmp_path / "b"), *to[:2], "--sum"]) == 0
+    assert f"removed {left} files of the earlier export of {bake}\n" in capsys.readouterr().err
     assert set(contents(tmp_path / "x")) == {"sum.exr", "sum.png", "export.json"}
 
 

@@ -452,7 +452,7 @@ def export_seeds() -> Seeds:
 
 def read_export_list(path: Path) -> None:
     """Whatever the list says, nothing outside its folder goes, and no folder of it."""
-    from skinbake.io.export_list import NAME, export_figures, keep_export_list
+    from skinbake.io.export_list import NAME, export_figures, keep_export_list, remove_exports
 
     bake, target = path.parent / "bake", path.parent / "exported"
     bake.mkdir(exist_ok=True)
@@ -462,6 +462,8 @@ def read_export_list(path: Path) -> None:
     shutil.copy(path, target / NAME)
     assert isinstance(export_figures(target), dict)
     keep_export_list(target, ["sum.exr"], bake)
+    shutil.copy(path, target / NAME)
+    remove_exports(target)
     assert (path.parent / "outside").exists()
     assert (target / "folder").is_dir()
 
