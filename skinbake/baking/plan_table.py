@@ -107,7 +107,8 @@ def _term(plan: Mapping[str, Decision], lights: tuple[str, ...], term: str) -> R
     on = [name for name, line in lines if line.enabled]
     off = [name for name, line in lines if not line.enabled]
     how = "on" if not off else "left out" if not on else f"on for {', '.join(on)}, left out for {', '.join(off)}"
-    return Row(term, how, None, max(line.error for _, line in lines) or None)
+    more = max((line.how for _, line in lines if line.enabled), default="", key=lambda how: (len(how), how))
+    return Row(term, f"{how}, {more}" if more else how, None, max(line.error for _, line in lines) or None)
 
 
 def _lobe(index: int, lobe: Lobe, baked: Baked, parts: Mapping[str, float]) -> Row:

@@ -341,9 +341,14 @@ def _bounce(
         if not line.enabled:
             continue
         sent = [rgb[i : i + 1] * colour for rgb, colour in zip(light.values(), reflected, strict=True)]
-        later = (gain[name] * colour for colour in reflected)
-        found = bounced_light(view, sent, [*later] if terms.bounces > 1 else [], terms.bounces)
-        for raster, small in zip(atlas, found, strict=True):
+        later = [gain[name] * colour for colour in reflected]
+        found = bounced_light(view, sent, later, *terms.bounces_for(limits[i], bounced[i].rms))
+        lines[i] = replace(
+            line,
+            error=float(np.hypot(line.error, found.left * bounced[i].rms)),
+            how="1 bounce" if found.bounces == 1 else f"{found.bounces} bounces",
+        )
+        for raster, small in zip(atlas, found.tiles, strict=True):
             add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
     return lines, taken
 

@@ -90,6 +90,8 @@ class Scattering:
         self._no_probes = draw_probes(self._geometry, 0, 0)
         self._plans: tuple[LobePlan, ...] | None = None
         self._view: SkinView | None = None
+        self._enough: tuple[int, float] = (1, 0.0)
+        self._bounces: int | None = None
         self._through = spec.terms.transmission
         self._curved, line = curve_skin(
             scene.mesh, spec.texture, gaussians, medium, spec.terms.curvature, self._budget.negligible, beams=False
@@ -131,6 +133,7 @@ class Scattering:
         if any(line.enabled for line in lines):
             self._say("relighting: skin that lights skin")
             receiving, texture = receivers(bounced, limits, self._atlas), spec.texture
+            self._enough = terms.bounces_for(limits[0], bounced[0].rms)
             self._view = look_around(
                 scene.mesh,
                 scene.occluder,
@@ -153,8 +156,12 @@ class Scattering:
         reflected = self._reflected()
         sent = [light[raster.tile] * colour for raster, colour in zip(self._atlas, reflected, strict=True)]
         again = [self._again * colour for colour in reflected]
-        found = bounced_light(self._view, sent, again, self._spec.terms.bounces)
-        for raster, small in zip(self._atlas, found, strict=True):
+        if self._bounces is None:
+            # As many for every light of the basis, or their sum would not be the light's
+            even = bounced_light(self._view, [image[:1] for image in sent], again, *self._enough)
+            self._bounces = even.bounces
+        found = bounced_light(self._view, sent, again, self._bounces)
+        for raster, small in zip(self._atlas, found.tiles, strict=True):
             for k, image in enumerate(light[raster.tile]):
                 add_at_full_size(self._again * small[k], raster, image)
 

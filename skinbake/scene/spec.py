@@ -16,6 +16,7 @@ from skinbake.scene.strict import Also, Fraction, NonNegative, Positive, Strict,
 AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
 # Key of the validation context: a function that gives, by name, whether a method knows sums that are not normalised
 DIFFUSION_METHODS = "diffusion_methods"
+MOST_BOUNCES = 16
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "dm": 100.0, "m": 1000.0, "inch": 25.4}
 
 
@@ -370,6 +371,16 @@ class SpecularSpec(Strict):
     """A second lobe, mixed with the first; what the oil keeps back counts both."""
 
 
+def _bounces(value: Any) -> Any:
+    """One message for both kinds of value."""
+    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_BOUNCES):
+        return value
+    raise ValueError(f"expected auto or a whole number from 1 to {MOST_BOUNCES}")
+
+
+Bounces = Annotated[Literal["auto"] | Annotated[int, Field(ge=1, le=MOST_BOUNCES)], BeforeValidator(_bounces)]
+
+
 class TermsSpec(Strict):
     """Terms that only some scenes need. `bounces` of light from skin to skin, where `interreflection` is on."""
 
@@ -383,10 +394,25 @@ class TermsSpec(Strict):
     """Round skin sends back more of the light than flat skin, and hollows less."""
     interreflection: Switch = "auto"
     """Skin lights skin: in nostrils, between lips, behind the ear."""
-    bounces: Annotated[int, Field(ge=1, le=16)] = 1
-    """How often light goes from skin to skin."""
+    bounces: Bounces = "auto"
+    """How often light goes from skin to skin; `auto` goes on until the tolerance allows to leave out the rest."""
     transmission: Switch = "auto"
     """Light through thin parts: ears, nostrils."""
+
+    def bounces_for(self, limit: float, first: float) -> tuple[int, float]:
+        """At most how many bounces, and which share of the first one may be left out.
+
+        Parameters
+        ----------
+        limit : float
+            Rms that may be left out, as a share of the light.
+        first : float
+            Rms of the first bounce, as a share of the same.
+        """
+        if self.bounces == "auto":
+            # A tenth: once rays are traced, another bounce costs next to nothing
+            return MOST_BOUNCES, 0.1 * limit / max(first, 1e-12)
+        return self.bounces, 0.0
 
 
 ExportKind = Literal["sum", "layers", "gltf", "blender", "web"]

@@ -49,12 +49,24 @@ def test_a_cavity_lights_itself_by_the_geometric_series(bounces):
     rho = np.array([0.8, 0.5, 0.2], np.float32)
     sent = np.ones((2, *SIZE, 3), np.float32) * rho
     sent[1] *= 3
-    got = bounced_light(view, [sent], [rho.reshape(1, 1, 3)], bounces)[0]
+    got = bounced_light(view, [sent], [rho.reshape(1, 1, 3)], bounces).tiles[0]
     want = sum(rho.astype(float) ** k for k in range(1, bounces + 1))
     here = view.atlas[0].addressed
     assert here.any()
     np.testing.assert_allclose(got[0][here], np.broadcast_to(want, got[0][here].shape), rtol=2e-6)
     np.testing.assert_allclose(got[1], 3 * got[0], rtol=1e-6)
+
+
+def test_bounces_go_on_until_the_rest_is_negligible():
+    """A closed cavity's series is known: what is said to be left is the rest, and it is below what was asked for."""
+    mesh = cavity()
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, (8, 16))
+    for rho, negligible, bounces in ((0.5, 0.1, 5), (0.5, 0.3, 3), (0.2, 0.3, 1), (0.9, 0.001, 16)):
+        grey = np.full((1, 1, 3), rho, np.float32)
+        lit = bounced_light(view, [np.ones((1, *SIZE, 3), np.float32) * rho], [grey], 16, negligible)
+        rest = rho**lit.bounces / (1 - rho)
+        assert (lit.bounces, lit.left) == (bounces, pytest.approx(rest, rel=1e-4))
+        assert rest <= negligible or bounces == 16
 
 
 def test_two_plates_exchange_what_their_form_factor_says():
@@ -63,7 +75,7 @@ def test_two_plates_exchange_what_their_form_factor_says():
     view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, (64, 256))
     sent = np.zeros((1, *SIZE, 3), np.float32)
     sent[:, :, : SIZE[0] // 2] = 1
-    got = bounced_light(view, [sent], [np.ones((1, 1, 3), np.float32)])[0][0, ..., 0]
+    got = bounced_light(view, [sent], [np.ones((1, 1, 3), np.float32)]).tiles[0][0, ..., 0]
     raster = view.atlas[0]
     dark = np.arange(raster.shape[1]) >= raster.shape[1] // 2
     mean = (got * raster.area_mm2)[:, dark].sum() / raster.area_mm2[:, dark].sum()
@@ -78,7 +90,7 @@ def test_skin_seen_from_behind_and_no_skin_bring_nothing():
     )
     view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, (16, 32))
     assert len(view.seen) == 0 or (view.seen == NOTHING).all()
-    got = bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)])[0]
+    got = bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)]).tiles[0]
     assert not got.any()
 
 

@@ -193,7 +193,7 @@ def test_bare_on_and_off_are_switches(look):
     """YAML reads a bare `on` as true; the look means the word."""
     spec = read(look(LOOK + "terms: {energy_conservation: on, transmission: off}\n"))
     assert (spec.terms.energy_conservation, spec.terms.transmission) == ("on", "off")
-    assert (spec.terms.incidence, spec.terms.interreflection, spec.terms.bounces) == ("auto", "auto", 1)
+    assert (spec.terms.incidence, spec.terms.interreflection, spec.terms.bounces) == ("auto", "auto", "auto")
     spec = read(look(LOOK + "terms: {incidence: on, beam: off, curvature: on, interreflection: off, bounces: 3}\n"))
     assert (spec.terms.beam, spec.terms.curvature) == ("off", "on")
     assert (spec.terms.incidence, spec.terms.interreflection, spec.terms.bounces) == ("on", "off", 3)
@@ -201,7 +201,7 @@ def test_bare_on_and_off_are_switches(look):
 
 @pytest.mark.parametrize(
     ("term", "said"),
-    [("incidence: maybe", "'auto', 'on' or 'off', got 'maybe'"), ("bounces: 0", "a number >= 1, got 0")],
+    [("incidence: maybe", "'auto', 'on' or 'off', got 'maybe'"), ("bounces: 0", "auto or a whole number from 1 to 16, got 0")],
 )
 def test_a_term_that_is_no_switch_is_refused(look, term, said):
     """With its line and its key."""

@@ -36,6 +36,7 @@ COARSENESS = 0.4, 3.0  # the finest and the coarsest there are, in units of thes
 ESTIMATED, ESTIMATE_RAYS = 4000, 16  # texels and rays by which `auto` decides
 NOISE_FALL = 0.85  # exponent by which rays on a lattice lose their noise, on a head and about a hill
 _OTHER_TURN = 7919
+_SLOWEST = 0.95  # most that a bounce is believed to keep of the last one: the rest of the series is finite
 
 _R2 = 0.7548776662466927, 0.5698402909980532  # [Roberts2018]
 
@@ -185,8 +186,28 @@ def receivers(bounced: Sequence[Bounced], limits: Sequence[float], atlas: Atlas)
     return Receivers(float(np.clip(allowed, *COARSENESS)), usual_mm, max(32, round(rays)))
 
 
-def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1) -> list[Image]:
-    """Irradiance that skin gets from skin, at the small texels, (L, h, w, 3) a tile in the atlas's order.
+class BouncedLight(NamedTuple):
+    """Light that skin gets from skin.
+
+    Attributes
+    ----------
+    tiles : list of ndarray of shape (L, h, w, 3), float32
+        Irradiance at the small texels, a tile in the atlas's order.
+    bounces : int
+        How often it went from skin to skin.
+    left : float
+        Rms of all bounces after these, as a share of the first one's, of the light that leaves most.
+    """
+
+    tiles: list[Image]
+    bounces: int
+    left: float
+
+
+def bounced_light(
+    view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1, negligible: float = 0.0
+) -> BouncedLight:
+    """Irradiance that skin gets from skin, bounce after bounce until the rest is negligible.
 
     Parameters
     ----------
@@ -196,7 +217,11 @@ def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Ima
     reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
         What of the bounced irradiance leaves as M again.
     bounces : int
-        1 or more.
+        At most as many, 1 or more.
+    negligible : float
+        Rms of all bounces to come, as a share of the first one's, below which they are left out. The next bounce is
+        foreseen as this one times what leaves again and the share of rays that meet skin; those after it follow as a
+        geometric series.
 
     Raises
     ------
@@ -208,8 +233,14 @@ def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Ima
     lights = sent[0].shape[0]
     shapes = [raster.shape for raster in view.atlas]
     size = sent[0].shape[1:3]
+    again = [_fitted(colour, shape) for colour, shape in zip(reflected, shapes, strict=True)]
+    share = [np.zeros((*shape, 1), np.float32) for shape in shapes]
+    for j, of in enumerate(share):
+        mine = view.tile == j
+        of.reshape(-1)[view.flat_index[mine]] = (view.seen[mine] != NOTHING).mean(axis=1) if mine.any() else 0
     out = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
     source: Sequence[Image] = sent
+    first, left = np.zeros(lights), np.ones(lights)
     for turn in range(bounces):
         got = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
         for k, image in enumerate(source):
@@ -220,9 +251,19 @@ def bounced_light(view: SkinView, sent: Sequence[Image], reflected: Sequence[Ima
                 parallel_for(_collect, len(mine), met, k, np.ascontiguousarray(image, np.float32), flat)
         for total, each in zip(out, got, strict=True):
             total += each
-        if turn + 1 < bounces:
-            source = [each * _fitted(colour, each.shape[1:3]) for each, colour in zip(got, reflected, strict=True)]
-    return out
+        source = [each * colour for each, colour in zip(got, again, strict=True)]
+        now, then = _rms(got), _rms([each * of for each, of in zip(source, share, strict=True)])
+        first = first if turn else now
+        falls = np.minimum(then / np.maximum(now, 1e-30), _SLOWEST)
+        left = np.where(first > 0, now * falls / (1 - falls) / np.maximum(first, 1e-30), 0)
+        if left.max() <= negligible:
+            break
+    return BouncedLight(out, turn + 1, float(left.max()))
+
+
+def _rms(tiles: Sequence[Image]) -> NDArray[np.float64]:
+    """Root of the sum of squares of each light, (L,)."""
+    return np.sqrt(sum((each.astype(np.float64) ** 2).sum(axis=(1, 2, 3)) for each in tiles))
 
 
 def decide_interreflection(
