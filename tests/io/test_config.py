@@ -201,7 +201,10 @@ def test_bare_on_and_off_are_switches(look):
 
 @pytest.mark.parametrize(
     ("term", "said"),
-    [("incidence: maybe", "'auto', 'on' or 'off', got 'maybe'"), ("bounces: 0", "auto or a whole number from 1 to 16, got 0")],
+    [
+        ("incidence: maybe", "'auto', 'on' or 'off', got 'maybe'"),
+        ("bounces: 0", "auto or a whole number from 1 to 16, got 0"),
+    ],
 )
 def test_a_term_that_is_no_switch_is_refused(look, term, said):
     """With its line and its key."""
