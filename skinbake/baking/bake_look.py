@@ -19,7 +19,7 @@ from skinbake.baking.stage_log import StageLog
 from skinbake.baking.stages.preview import PreviewStage
 from skinbake.baking.stages.textures import TexturesStage
 from skinbake.baking.verdict import last_lines, marked, worst_place
-from skinbake.baking.warnings import bake_warnings
+from skinbake.baking.warnings import EMPTY_PICTURE, bake_warnings
 from skinbake.pipeline import Baked
 from skinbake.scene.spec import SceneSpec
 
@@ -116,6 +116,8 @@ def _bake_into_folder(
             if not preview and inputs.spec.lights:
                 picture.load()  # a picture of these very lobes stays
             results.remove_others()
+            if results.picture_is_empty:
+                warnings.append(EMPTY_PICTURE)
             manifest = manifest_of(inputs, results, log, baked)
             manifest["warnings"] = warnings
             if worst:

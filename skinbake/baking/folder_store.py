@@ -30,7 +30,7 @@ from skinbake.io.lock import folder_lock
 from skinbake.io.manifest import write_manifest
 from skinbake.io.mesh import write_obj
 from skinbake.io.output_names import FIT_FILES, MESH, PICTURE, PICTURE_KEY
-from skinbake.io.png import write_png
+from skinbake.io.png import has_one_colour, write_png
 from skinbake.io.profile import read_gaussians, write_fit
 from skinbake.io.relight import TEXTURES, USE, VISIBILITY, read_use, transfer_of, write_transfer
 from skinbake.io.tx import is_current, tx_paths, write_tx
@@ -304,6 +304,11 @@ class FolderStore:
     def holds_picture(self) -> bool:
         """Whether the folder has a picture of this bake."""
         return PICTURE in self.written
+
+    @property
+    def picture_is_empty(self) -> bool:
+        """Whether the picture of this bake shows the background alone."""
+        return self.holds_picture and has_one_colour(self.folder / PICTURE)
 
     def has_picture(self, key: str) -> bool:
         """Whether preview.png is the one that was drawn under `key`, and nobody has drawn another since."""

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
+from skinbake.baking.warnings import EMPTY_PICTURE
 from skinbake.io.exr import Part, rgb_channels, write_parts
 from skinbake.io.movie import write_movie
 from skinbake.io.output_names import refuse_inputs
@@ -115,6 +116,8 @@ def render(
             image = side_by_side([renderer.draw(each.camera, size, m, gains, supersample, later=light) for m in modes])
             pixels = tone_map(image, look.background_rgb, exposure)
             add(pixels)
+            if not image.rgba[..., 3].any():
+                progress.line(f"warning  {each.name}: {EMPTY_PICTURE}")
             if not stills:
                 continue
             write_png(path, pixels)

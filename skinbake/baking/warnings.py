@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skinbake.profile import GaussianSum
     from skinbake.scene.spec import SceneSpec
 
+EMPTY_PICTURE = "nothing of the head is in the picture: preview.camera looks elsewhere, or stands inside of it"
 LARGEST_TEXTURE = 16384  # that is proposed
 
 
@@ -56,7 +57,8 @@ def bake_warnings(
     """
     dark = [f"light {line.term}: {line.why}" for line in baked.plan if line.why == DARK]
     if uv is None and stages.diffuse.reused and before.get("inputs") == inputs.digests:
-        return [*(str(line) for line in before.get("warnings", ()) if line not in dark), *dark]
+        kept = [str(line) for line in before.get("warnings", ()) if line not in (*dark, EMPTY_PICTURE)]
+        return [*kept, *dark]
     scene = inputs.scene()
     uv = uv or uv_report(scene.mesh, stages.raster.result())
     finer = inputs.spec.texture.size[0] / inputs.asked.texture.size[0]  # texels as they were asked for

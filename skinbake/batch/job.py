@@ -71,7 +71,7 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
         return {"status": "failed", "error": str(error), "seconds": time.perf_counter() - start}
     if status == "done" and all(stages.values()):
         status = "fresh"
-    error = manifest["error"] or {}
+    found = manifest["error"] or {}
     return {
         "status": status,
         "error": fault,
@@ -81,8 +81,8 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
         "traced": list(session.traced),
         "cache": session.figures,
         "peak_memory_mib": manifest["peak_memory_mib"],
-        "measured": _measured(error) if "rms" in error else {},
-        "note": f"in all {error['left_wrong']:.2%}, blur {error['rms']:.2%}" if "rms" in error else _relit(manifest),
+        "measured": _measured(found) if "rms" in found else {},
+        "note": f"in all {found['left_wrong']:.2%}, blur {found['rms']:.2%}" if "rms" in found else _relit(manifest),
         "preview": "preview.png" if (Path(job.spec.output.dir) / "preview.png").exists() else None,
     }
 

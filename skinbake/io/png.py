@@ -12,6 +12,7 @@ from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write, system_error
 from skinbake.io.output_names import SOFTWARE
 
+_ONE_COLOUR, _SMALL_BYTES = 100, 10_000  # times that deflate packs one colour, at least; with headers
 _LAST_CHUNK = b"IEND\xaeB`\x82"
 
 
@@ -55,3 +56,16 @@ def write_png(path: Path | str, rgb: NDArray[np.uint8]) -> None:
         # The library does not notice a disk that is full: then the last chunk is missing
         if not (output.close() and written) or not temporary.read_bytes().endswith(_LAST_CHUNK):
             raise system_error(temporary, output.geterror())
+
+
+def has_one_colour(path: Path) -> bool:
+    """Whether all pixels of one of our pictures are the same; False where there is none."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            # Such a file is small, and only a small one is worth unpacking
+            small = path.stat().st_size < max(picture.width * picture.height * 3 / _ONE_COLOUR, _SMALL_BYTES)
+            return small and all(low == high for low, high in np.reshape(picture.getextrema(), (-1, 2)))
+    except (OSError, SyntaxError, ValueError):
+        return False

@@ -9,7 +9,7 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.numerics import Float, normalized
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import PreviewSpec
+from skinbake.scene.spec import FARTHEST_MM, PreviewSpec
 
 PORTRAIT_YFOV_DEG = float(np.degrees(2 * np.arctan(18 / 85)))  # 85 mm lens on 36 mm tall film
 HEAD_DIAGONAL_MM = 350.0
@@ -81,7 +81,7 @@ class Camera:
 
     def zoomed(self, factor: float) -> Camera:
         """Camera with its distance multiplied by `factor`."""
-        return replace(self, distance_mm=float(np.clip(self.distance_mm * factor, 1.0, 1e6)))
+        return replace(self, distance_mm=float(np.clip(self.distance_mm * factor, 1.0, FARTHEST_MM)))
 
     def panned(self, right: float, up: float) -> Camera:
         """Camera with its target moved by shares of the frame's height."""

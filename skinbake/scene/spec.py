@@ -483,15 +483,17 @@ class OutputSpec(Strict):
 View = Literal["front", "left", "right", "three-quarter", "three-quarter-right", "back", "nose", "lips", "eyes", "ear"]
 PictureSize = Annotated[int, Field(ge=1, le=8192)]
 STOPS = 100
+FARTHEST_MM = 1e5  # of a camera: a head is less than a hundredth of its picture there
+Within = Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]
 Shade = Annotated[float, Field(ge=0, le=1e6)]
 
 
 class CameraSpec(Strict):
     """A camera on an orbit about a point of the head; +y is up."""
 
-    target_mm: Vector
+    target_mm: tuple[Within, Within, Within]
     """What it looks at, mm."""
-    distance_mm: Annotated[float, Field(ge=1, le=1e6)]
+    distance_mm: Annotated[float, Field(ge=1, le=FARTHEST_MM)]
     """How far away it stands, mm."""
     azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
     """0 looks at the face, 90 at the head's left side."""
