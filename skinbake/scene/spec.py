@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from skinbake.scene.frames import frame_numbers
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.skin import PhysiologySkin, SkinSpec
-from skinbake.scene.strict import Also, Fraction, NonNegative, Positive, Strict, Vector
+from skinbake.scene.strict import Also, Between, Fraction, NonNegative, Positive, Strict
 
 AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
 # Key of the validation context: a function that gives, by name, whether a method knows sums that are not normalised
@@ -298,6 +298,12 @@ class TextureSpec(Strict):
         return (value, value) if isinstance(value, int) else value
 
 
+# Half floats alone leave 0.00014 of a blur on our heads, one bounce of skin lighting skin 0.001
+Tolerance = Annotated[
+    float, Between(1e-4, 1, "a share of the light: 0.01 is 1 %, less than 0.0001 is finer than light is stored")
+]
+
+
 class DiffusionSpec(Strict):
     """Method of the blur, and the error that it may have.
 
@@ -307,7 +313,7 @@ class DiffusionSpec(Strict):
 
     method: str = AUTO
     """How lobes are blurred; `auto` takes the cheapest for each lobe, as measured on this head."""
-    tolerance: Positive = 0.01
+    tolerance: Tolerance = 0.01
     """Root mean square error, a share of the light, of all that is left wrong: blur, texture size, omitted terms."""
     separate: bool = True
     """Keep apart what faces across air (lips, eyelids), so that neither lights the other through it."""
@@ -438,7 +444,7 @@ class RelightSpec(Strict):
     """The most textures; fewer where these keep the tolerance."""
     size: Annotated[int, Field(ge=16, le=LARGEST_SIZE)] | None = None
     """Texels of the textures' longer side; by default 1024, or that of the texture where it is smaller."""
-    tolerance: Positive = 0.02
+    tolerance: Tolerance = 0.02
     """Root mean square error that skies may have, as a share of their light, by which textures are counted."""
     basis: Literal["auto", "harmonics", "fitted"] = "auto"
     """Spherical harmonics, or lights fitted to what this head tells apart; `auto` takes what needs fewer."""
@@ -484,16 +490,16 @@ View = Literal["front", "left", "right", "three-quarter", "three-quarter-right",
 PictureSize = Annotated[int, Field(ge=1, le=8192)]
 STOPS = 100
 FARTHEST_MM = 1e5  # of a camera: a head is less than a hundredth of its picture there
-Within = Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]
+Place = Annotated[float, Between(-FARTHEST_MM, FARTHEST_MM)]
 Shade = Annotated[float, Field(ge=0, le=1e6)]
 
 
 class CameraSpec(Strict):
     """A camera on an orbit about a point of the head; +y is up."""
 
-    target_mm: tuple[Within, Within, Within]
+    target_mm: tuple[Place, Place, Place]
     """What it looks at, mm."""
-    distance_mm: Annotated[float, Field(ge=1, le=FARTHEST_MM)]
+    distance_mm: Annotated[float, Between(1, FARTHEST_MM)]
     """How far away it stands, mm."""
     azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
     """0 looks at the face, 90 at the head's left side."""
@@ -538,7 +544,7 @@ class SceneSpec(Strict):
     """What lights it; none only where there is `relight`."""
     shadows: bool = True
     """Whether lights cast shadows that do not say otherwise themselves."""
-    tolerance: Positive | None = None
+    tolerance: Tolerance | None = None
     """From draft (0.05) to final (0.003), the one knob: short for `diffusion.tolerance`."""
     diffusion: Annotated[DiffusionSpec, Field(validate_default=True)] = DiffusionSpec()
     """The blur and the error that the bake may have."""

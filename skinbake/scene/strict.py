@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core.core_schema import no_info_after_validator_function
 
 
 class Also:
@@ -23,6 +24,33 @@ class Also:
 
     def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
         return {"anyOf": [handler(core_schema), {"type": self.type, **self.limits}]}
+
+
+class Between:
+    """Limits of a number, both of which the message names, with the reason where there is one to tell.
+
+    Parameters
+    ----------
+    low, high : float
+        Both allowed.
+    why : str
+        Put after the range.
+    """
+
+    def __init__(self, low: float, high: float, why: str = "") -> None:
+        self.low, self.high = low, high
+        self.expected = f"expected {low:g} to {high:g}{f', {why}' if why else ''}"
+
+    def _checked(self, value: float) -> float:
+        if not self.low <= value <= self.high:
+            raise ValueError(f"{self.expected}; got {value:g}")
+        return value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return no_info_after_validator_function(self._checked, handler(source))
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
+        return {**handler(core_schema), "minimum": self.low, "maximum": self.high}
 
 
 class Strict(BaseModel):

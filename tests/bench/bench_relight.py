@@ -47,7 +47,7 @@ def run(quick: bool, look: Path = ROOT / "configs" / "head.yaml") -> list[dict]:
     transfer.judge_basis = judge
     try:
         for kind in ("harmonics", "fitted"):
-            relight = {"textures": max(COUNTS), "basis": kind, "size": 256, "tolerance": 1e-6}
+            relight = {"textures": max(COUNTS), "basis": kind, "size": 256, "tolerance": 1e-4}
             each = load_look(look, ["texture.size=256", f"relight={relight}".replace("'", "")])
             scene = read_scene(each)
             transfer.make_transfer(each, decide(each), scene, fit_skin(spec.skin, None).gaussians, medium, incidence)

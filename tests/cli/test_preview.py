@@ -4,10 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
+from skinbake.baking.warnings import EMPTY_PICTURE
 from skinbake.cli import run
 from skinbake.cli.preview import parse_lights, parse_size, render_still
 from skinbake.errors import InputError
 from skinbake.io.exr import read_parts
+from skinbake.io.manifest import read_manifest
 from skinbake.preview.setup_gl import renderer_name
 from tests.preview.bakes import write_bake
 
@@ -77,6 +79,23 @@ def test_another_skin_is_refitted_onto_the_lobes(bake, tmp_path, capsys):
         said = capsys.readouterr().err
         assert "expected a file, or one of donner-three-layer" in said
         assert got in said
+
+
+def test_a_picture_without_the_head_is_warned_of(bake, tmp_path, capsys):
+    """By the bake, also where its picture is as it was; by its stills; no longer once the camera sees it."""
+    verb = ["bake", str(bake.parent / "look.yaml"), "--out", str(tmp_path / "b"), "--set", "diffusion.tolerance=1"]
+    away = ["--set", "preview.camera={target_mm: [5000, 0, 0], distance_mm: 80}"]
+    for _ in range(2):
+        assert run([*verb, *away]) == 0
+        assert capsys.readouterr().err.count(EMPTY_PICTURE) == 1
+    assert read_manifest(tmp_path / "b")["warnings"].count(EMPTY_PICTURE) == 1
+    assert run(["preview", str(tmp_path / "b"), "--png", str(tmp_path / "a.png")]) == 0
+    assert EMPTY_PICTURE in capsys.readouterr().err
+    assert run(verb) == 0
+    assert EMPTY_PICTURE not in capsys.readouterr().err
+    for camera in ("target_mm: [1e300, 0, 0], distance_mm: 80", "target_mm: [0, 0, 0], distance_mm: 1e6"):
+        assert run([*verb, "--set", f"preview.camera={{{camera}}}"]) == 2
+        assert "100000; got 1e+" in capsys.readouterr().err
 
 
 def test_lights_scale_the_float_picture(bake, tmp_path):

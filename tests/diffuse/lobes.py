@@ -12,7 +12,7 @@ from skinbake.scene.spec import DiffusionSpec
 def resources_of(light, atlas, mesh, **spec):
     """Resources of light that is given as an (L, H, W, 3) for each tile of the atlas, in order."""
     source = {raster.tile: rgb for raster, rgb in zip(atlas, light, strict=True)}
-    return LobeResources(source, SkinGeometry(atlas, mesh), DiffusionSpec(**spec))
+    return LobeResources(source, SkinGeometry(atlas, mesh), DiffusionSpec().model_copy(update=spec))
 
 
 def lobe_map(resources, method, *parameters):

@@ -26,7 +26,7 @@ def blurred(mesh, light, variance, method, **spec):
     """One lobe at full size, float32; `light` is (H, W, 3)."""
     size = light.shape[1::-1]
     atlas = rasterize(mesh, size, gutter=2)
-    spec = DiffusionSpec(**{"method": method, "tolerance": 1e-9, "probes": 0, **spec})
+    spec = DiffusionSpec(**{"method": method, "probes": 0, **spec}).model_copy(update={"tolerance": 1e-9})
     baked = diffuse({1001: light[None]}, ("key",), atlas, mesh, one_lobe(variance), spec, 0, "float")
     return baked.lobes[0].rgb[1001][0], atlas[0]
 

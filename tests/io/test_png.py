@@ -6,7 +6,7 @@ import pytest
 
 from skinbake.errors import InputError
 from skinbake.io.image import read_map
-from skinbake.io.png import write_png
+from skinbake.io.png import has_one_colour, write_png
 
 
 def test_pixels_come_back_exactly_and_bytes_repeat(tmp_path):
@@ -33,3 +33,16 @@ def test_another_suffix_and_other_pixels_are_refused(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(InputError, match="expected a folder"):
         write_png(tmp_path / "file" / "a.png", rgb)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (60, 80), (768, 960)])
+def test_a_picture_of_one_colour_is_known(tmp_path, shape):
+    """One other pixel is enough; a file that is none shows nothing of anything."""
+    path, pixels = tmp_path / "a.png", np.full((*shape, 3), 40, np.uint8)
+    write_png(path, pixels)
+    assert has_one_colour(path)
+    assert not has_one_colour(tmp_path / "none.png")
+    if pixels.size > 3:
+        pixels[shape[0] // 2, 3, 1] = 41
+        write_png(path, pixels)
+        assert not has_one_colour(path)

@@ -70,5 +70,10 @@ def test_the_tolerance_of_the_look_is_that_of_the_blur_s_section():
     assert look(diffusion={"probes": 7}).diffusion.tolerance == 0.02
     with pytest.raises(ConfigError, match=r"diffusion: tolerance: expected the same as .* 0\.02, .* got 0\.03"):
         look(diffusion={"tolerance": 0.03})
-    with pytest.raises(ConfigError, match="tolerance: expected a number > 0, got -1"):
+    with pytest.raises(ConfigError, match=r"tolerance: expected 0\.0001 to 1, .*; got -1"):
         look(tolerance=-1)
+    for value in (1e-9, 5, 0):
+        with pytest.raises(ConfigError, match=rf"tolerance: expected 0\.0001 to 1, .*; got {value}"):
+            look(diffusion={"tolerance": value})
+    for end in (1e-4, 1):
+        assert look(tolerance=end).diffusion.tolerance == end
