@@ -14,7 +14,7 @@ from skinbake.scene.decision import Decision
 
 HEAD = ("what", "how", "seconds", "error")
 _SIZES = {1: "full size", 2: "half size", 4: "a quarter of the size", 8: "an eighth of the size"}
-_TERMS = ("incidence", "beam", "interreflection")
+_TERMS = ("incidence", "beam", "curvature", "interreflection")
 
 
 class Row(NamedTuple):
@@ -102,6 +102,8 @@ def aligned(rows: Iterable[Row]) -> list[str]:
 def _term(plan: Mapping[str, Decision], lights: tuple[str, ...], term: str) -> Row:
     """A term that is decided light by light: for which lights it is computed."""
     lines = [(name, plan[f"{name}.{term}"]) for name in (*lights, "total") if f"{name}.{term}" in plan]
+    if not lines and term in plan and plan[term].enabled:
+        return Row(term, "on", None, plan[term].error or None)
     if not lines:
         return Row(term, "left out: " + plan[term].why.removeprefix("auto: ") if term in plan else "left out")
     on = [name for name, line in lines if line.enabled]

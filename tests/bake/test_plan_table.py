@@ -48,7 +48,18 @@ def test_every_choice_has_its_line(said, capfd):
     lines = capfd.readouterr().err.splitlines()
     first = next(i for i, line in enumerate(lines) if line.split() == list(HEAD))
     table = {line[2:].split("  ")[0]: line.split() for line in lines[first + 1 :] if line.startswith("  ")}
-    terms = {"oil", "light key", "light sky", "incidence", "beam", "interreflection", "thin parts", "fit", "all"}
+    terms = {
+        "oil",
+        "light key",
+        "light sky",
+        "incidence",
+        "beam",
+        "curvature",
+        "interreflection",
+        "thin parts",
+        "fit",
+        "all",
+    }
     assert terms <= set(table)
     assert "not blurred, too narrow to show" in " ".join(table["lobe 0, 3.2e-05 mm"])
     assert "surface, full size" in " ".join(table["lobe 1, 0.71 mm"])
