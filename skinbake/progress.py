@@ -262,6 +262,8 @@ def _known(share: float | None, left: float | None, spent: float) -> str:
     """What is known of the time, in words."""
     if share is None:
         return f"{in_words(spent)} so far"
+    if left == 0 and share < 1:  # what it was expected to take is over, and it is not
+        return f"{share:4.0%}, longer than expected: {in_words(spent)} so far"
     return f"{share:4.0%}" + (f", {time_left(left)}" if left is not None else "")
 
 

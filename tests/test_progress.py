@@ -127,6 +127,7 @@ def test_the_bar_never_goes_back_and_learns_from_the_parts(monkeypatch):
         with shown.task("b") as part:
             now[0] += 10_000
             assert shown._state(now[0]) == ("b", progress.LATE, 0.0)
+            assert progress._known(progress.LATE, 0.0, 10_020.0) == " 97%, longer than expected: 167 min so far"
 
 
 def test_progress_within_progress_has_one_bar(stderr):

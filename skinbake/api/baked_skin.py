@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.api.arguments import checked_gain, checked_suns, checked_turn, sky_of
 from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse import MeasuredError
 from skinbake.diffuse.skin_weights import SkinWeights
@@ -24,7 +25,6 @@ from skinbake.scene.budget import left_wrong
 from skinbake.scene.decision import Decision
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
-from skinbake.scene.strict import LARGEST
 
 Image = NDArray[np.float32]
 Gains = Mapping[str, float | Sequence[float]]
@@ -215,9 +215,9 @@ class BakedSkin:
         InputError
             There is no such light or tile, or a file is missing or damaged.
         """
+        self._refuse_unlit()
         if light is not None and light not in self.lights:
             raise InputError(f"light: expected one of {', '.join(self.lights)}, got {light}")
-        self._refuse_unlit()
         return self._pixels.irradiance(self._tile(tile), light)
 
     def lobe(self, index: int, light: str | None = None, tile: int | None = None) -> Image:
@@ -265,7 +265,8 @@ class BakedSkin:
         Raises
         ------
         InputError
-            There is no such light or tile, the bake has summed its lights, or a file is missing or damaged.
+            There is no such light or tile, a gain is no number from 0 up, the bake has summed its lights, or a file is
+            missing or damaged.
 
         References
         ----------
@@ -274,7 +275,7 @@ class BakedSkin:
         self._refuse_unlit()
         tile = self._tile(tile)
         width, height = self.look.texture.size
-        factors = {name: np.broadcast_to(np.asarray(gain, np.float32), 3) for name, gain in (gains or {}).items()}
+        factors = {name: checked_gain(name, gain) for name, gain in (gains or {}).items()}
         lights: list[str | None] = [None]
         if any((factor != 1).any() for factor in factors.values()):
             lights = [self._stored(name) for name in dict.fromkeys((*factors, *self.lights))]
@@ -354,7 +355,7 @@ class BakedSkin:
         environment : path, or ndarray of shape (h, w, 3), optional
             Equirectangular radiance, as of a look's environment.
         rotate_deg : float
-            Turns the sky about +y, +z towards +x.
+            Turns sky and suns about +y, +z towards +x.
         suns : sequence of (direction, irradiance_rgb)
             `direction` is where the light travels; irradiance is that of a plane which faces it.
         tile : int, optional
@@ -368,15 +369,15 @@ class BakedSkin:
         Raises
         ------
         InputError
-            The look has no `relight`, there is no such tile, or a file is missing, damaged or no sky.
+            The look has no `relight`, there is no such tile, a file is missing, damaged or no sky, or a value is none.
 
         References
         ----------
         [Sloan2002]
         """
         tile, transfer = self._tile(tile), self._transfer
-        sky = None if environment is None else _sky_of(environment)
-        amount = light_coefficients(transfer.basis, sky, rotate_deg, [_checked_sun(sun) for sun in suns])
+        sky = None if environment is None else sky_of(environment)
+        amount = light_coefficients(transfer.basis, sky, checked_turn(rotate_deg), checked_suns(suns))
         width, height = self.look.texture.size
         total = magnify_bilinear(relit(transfer.textures[tile], amount), (height, width))
         after = 1 - self.look.texturing.exponent_before
@@ -408,24 +409,3 @@ class BakedSkin:
         if light is not None and not self.look.output.separate_lights:
             raise InputError(f"light {light}: this bake summed its lights; bake with output.lights: separate")
         return light
-
-
-def _sky_of(environment: Path | str | Image) -> Image:
-    """Radiance (h, w, 3) of a file, or as it was given."""
-    if isinstance(environment, Path | str):
-        from skinbake.io.environment import read_sky
-
-        return read_sky(environment)
-    sky = np.asarray(environment, np.float32)
-    if sky.ndim != 3 or sky.shape[2] != 3 or not np.isfinite(sky).all() or (sky < 0).any():
-        raise InputError(f"environment: expected finite radiance >= 0 of shape (h, w, 3), got shape {sky.shape}")
-    return sky
-
-
-def _checked_sun(sun: Sun) -> Sun:
-    """A sun of a direction and three numbers, not below 0."""
-    direction, irradiance = (np.asarray(part, np.float64) for part in sun)
-    finite = direction.shape == irradiance.shape == (3,) and np.isfinite([direction, irradiance]).all()
-    if not finite or not direction.any() or (irradiance < 0).any() or irradiance.max() > LARGEST:
-        raise InputError(f"suns: expected (direction, irradiance_rgb), three finite numbers each, got {sun}")
-    return direction.tolist(), irradiance.tolist()

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 PICTURE = "uv_check.png"
 LISTED = 12  # frames in a message
 _SMALLEST = 15  # times that a texture is halved, at most
+SIGNED_SHARE = 0.7  # of a texture of relight.exr that zip leaves
 
 
 @click.command("check")
@@ -177,8 +178,16 @@ def examine(spec: SceneSpec, waiting: Waiting | None = None) -> tuple[dict[str, 
 
 
 def _told(spec: SceneSpec, scene: SceneData, size: TextureSize) -> list[str]:
-    """What is used where there is no albedo, and what a loose tolerance does to the texture's size."""
-    return [*_unpainted(spec, scene), *([f"texture.size: {size.decision.why}"] if size.decision else [])]
+    """What is used where there is no albedo, what a loose tolerance does to the texture's size, what relights."""
+    from skinbake.relight.transfer import transfer_size
+
+    told = [*_unpainted(spec, scene), *([f"texture.size: {size.decision.why}"] if size.decision else [])]
+    if spec.relight is not None and spec.relight.reuse:
+        told.append(f"relight: one of up to {spec.relight.textures} textures, kept in the cache, may show its lights")
+    elif spec.relight is not None:
+        width, height = transfer_size(spec)
+        told.append(f"relight: up to {spec.relight.textures} textures of {width} x {height} for any sky and any sun")
+    return told
 
 
 def _unpainted(spec: SceneSpec, scene: SceneData) -> list[str]:
@@ -233,6 +242,7 @@ def expected(
     from skinbake.diffuse.terms.transmission import transmitted_level
     from skinbake.io.mesh.unwrap import unwrap_seconds
     from skinbake.io.user_cache import user_cache
+    from skinbake.relight.transfer import AT_ONCE, transfer_size
     from skinbake.scene.budget import budget_of
 
     budget, work = budget_of(spec, lost), Work(tiles, len(variance_mm2), uv.triangles + casters)
@@ -260,19 +270,24 @@ def expected(
         packed = value * covered * (megatexels / tiles) ** -0.1 * (1.9 if spec.output.precision == "float" else 1.0)
         irradiance = packed * 4 * (0.31 * bright + 0.21 * dark)
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
+    needed = megatexels * (235 + (15 if summed else 58) * (lights - 1)) if lights else 0.0
+    relight = {}
+    if spec.relight is not None and not spec.relight.reuse:
+        textures, of = spec.relight.textures, tiles * transfer_size(spec)[0] * transfer_size(spec)[1] / 2**20
+        needed = max(needed, of * (235 + 24 * textures + 58 * AT_ONCE))
+        relight["relight_mib"] = round(SIGNED_SHARE * value * of * uv.coverage * 3 * textures, 2)
     return {
         # Lights stored summed are blurred summed
-        "memory_mib": round(
-            490 + images_mib + megatexels * (235 + (15 if summed else 58) * (lights - 1)) + megatriangles * 1400
-        ),
+        "memory_mib": round(490 + images_mib + needed + megatriangles * 1400),
         "seconds": round(
             START_S
             + sum(paced(stage_seconds(spec, budget, work)).values())
             + (unwrap_seconds(uv.triangles) if spec.texture.unwrap != "none" and user_cache() is None else 0.0),
             1,
         ),
-        "irradiance_mib": round(irradiance, 2),
-        "lobes_mib": round(lobes, 2),
+        "irradiance_mib": round(irradiance, 2) if lights else 0.0,
+        "lobes_mib": round(lobes, 2) if lights else 0.0,
+        **relight,
     }
 
 
@@ -307,9 +322,11 @@ def readable(report: dict[str, Any]) -> str:
     for name, sizes in report["maps"].items():
         if sizes:
             lines.append(f"{name:<9} " + ", ".join(f"{w} x {h}" for w, h in sizes))
+    files = [
+        f"{name} {cost[f'{name}_mib']} MiB" for name in ("irradiance", "lobes", "relight") if cost.get(f"{name}_mib")
+    ]
     lines.append(
-        f"expected  about {cost['memory_mib']} MiB{too_little}, {cost['seconds']} s on two cores,"
-        f" irradiance {cost['irradiance_mib']} MiB, lobes {cost['lobes_mib']} MiB"
+        ", ".join([f"expected  about {cost['memory_mib']} MiB{too_little}, {cost['seconds']} s on two cores", *files])
     )
     lines += [f"picture   {path}" for path in report.get("pictures", [])]
     lines += marked(report.get("warnings", []))

@@ -98,14 +98,18 @@ def command(
     if png and Path(png).suffix.lower() != ".png":
         raise InputError(f"--png {png}: expected a name that ends in .png")
     later = None
-    if environment or suns:
+    if environment is not None or suns:
         later = later_light(environment, rotate, suns)
         if lights or skin is not None or compare or mode == "none":
             raise InputError(
                 "--environment and --sun: expected neither --lights, --skin, --compare nor --mode none beside them"
             )
     elif rotate or turn == "light":
-        raise InputError("--rotate and --turn light: expected --environment or --sun, which they turn")
+        option = "--turn light" if turn == "light" else f"--rotate {rotate:g}"
+        raise InputError(
+            f"{option}: expected --environment or --sun beside it, which it turns: a bake's own lights stand where "
+            "they were baked"
+        )
     if movie:
         _refuse_movie(movie, turntable, png, _names(views))
     if not pictures and has_display():
@@ -242,6 +246,8 @@ def later_light(environment: str | None, rotate_deg: float, suns: tuple[str, ...
     from skinbake.io.environment import read_sky
     from skinbake.preview.relit import LaterLight
 
+    if environment == "":
+        raise InputError("--environment: expected a file, studio or sunset, got an empty text")
     sky = None if environment is None else read_sky(environment)
     return LaterLight(sky, tuple(map(parse_sun, suns)), rotate_deg)
 
@@ -274,15 +280,22 @@ def parse_sun(text: str) -> tuple[list[float], list[float]]:
     InputError
         Anything else.
     """
-    way, _, colour = text.partition("=")
+    way, equals, colour = text.partition("=")
+    if not equals:
+        raise InputError(f"--sun {text}: expected its irradiance, too, as in {text}=3/3/2.8 or {text}=3")
     try:
         direction, irradiance = [float(x) for x in way.split(",")], [float(x) for x in colour.split("/")]
     except ValueError:
         direction, irradiance = [], []
     irradiance = irradiance * 3 if len(irradiance) == 1 else irradiance
     finite = all(abs(x) <= 1e9 for x in (*direction, *irradiance))  # NaN compares false
-    if len(direction) != 3 or len(irradiance) != 3 or not finite or not any(direction) or min(irradiance) < 0:
-        raise InputError(f"--sun: expected X,Y,Z=R/G/B, where its light travels and its irradiance, got {text}")
+    if len(direction) != 3 or len(irradiance) != 3 or not finite or min(irradiance) < 0:
+        raise InputError(
+            f"--sun {text}: expected X,Y,Z=R/G/B: where its light travels, and its irradiance, three finite numbers "
+            "each, irradiance from 0 up"
+        )
+    if not any(direction):
+        raise InputError(f"--sun {text}: expected a direction in which its light travels, got 0,0,0, which is none")
     return direction, irradiance
 
 

@@ -52,6 +52,7 @@ class _Use(Record):
     """What readers of relight.json rely on."""
 
     basis: str
+    textures: Annotated[int, Field(ge=1)]
     key: str
     files: dict[str, str] = Field(min_length=1)
     visibility: dict[str, str] = Field(min_length=1)
@@ -196,6 +197,11 @@ def transfer_of(folder: Path, tiles: bool = True) -> Transfer:
         plan = tuple(Decision.from_record(line) for line in use["plan"])
     except (ValueError, TypeError, KeyError, IndexError) as fault:
         raise InputError(f"{folder / USE}: expected what a bake wrote, got: {fault}; bake it again") from fault
+    if len(matrix) != use["textures"]:
+        raise InputError(
+            f"{folder / USE}: of_harmonics: expected {use['textures']} rows, one a texture, got {len(matrix)}; bake it "
+            "again"
+        )
     if matrix.ndim != 2 or matrix.shape[1] != (order + 1) ** 2 or not (np.abs(matrix) < MOST).all():
         raise InputError(f"{folder / USE}: of_harmonics: expected rows of a square number of values below {MOST:g}")
     # A reader has no use for the radiance of the lights themselves
@@ -213,6 +219,14 @@ def transfer_of(folder: Path, tiles: bool = True) -> Transfer:
 
 
 def _read(path: Path, names: list[str]) -> NDArray[np.floating]:
-    """Parts of a file, (K, H, W, 3)."""
+    """Parts of a file, (K, H, W, 3).
+
+    Raises
+    ------
+    InputError
+        It has others, or more of them.
+    """
     parts = read_parts(path)
+    if len(parts) != len(names):
+        raise InputError(f"{path}: expected {len(names)} parts, as {USE} says, got {len(parts)}; bake it again")
     return np.stack([np.stack([channel_of(path, parts, name, c) for c in "RGB"], axis=-1) for name in names])

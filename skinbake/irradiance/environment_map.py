@@ -38,7 +38,7 @@ class SkySamples:
     """Directions drawn in proportion to radiance times solid angle, theory.md 10.4.
 
     A low-discrepancy sequence (R2 [Roberts2018]) mapped through the marginal and conditional distributions of the map,
-    with a tenth of the samples' density uniform, so that dim parts are not left to chance.
+    with some of the samples' density uniform, so that dim parts are not left to chance.
 
     Parameters
     ----------
@@ -46,17 +46,19 @@ class SkySamples:
         Equirectangular map, row 0 at the top.
     rotate_deg : float
         Turns the map about +y, +z towards +x.
+    uniform : float
+        Share of the samples whose density is uniform.
     """
 
-    def __init__(self, radiance: Image, rotate_deg: float = 0.0) -> None:
+    def __init__(self, radiance: Image, rotate_deg: float = 0.0, uniform: float = 0.1) -> None:
         height, width = radiance.shape[:2]
         self._radiance, self._rotate_deg = radiance, rotate_deg
         self._row_edges = np.cos(np.pi * np.arange(height + 1) / height)
         self._solid = (2 * np.pi / width) * (self._row_edges[:-1] - self._row_edges[1:])
         self._bright: Float = np.array([row.mean(axis=1, dtype=np.float64).sum() for row in radiance]) * self._solid
         total = float(self._bright.sum())
-        self._per_bright: float = 0.9 / total if total > 0 else 0.0
-        self._per_solid: float = (0.1 if total > 0 else 1.0) / (4 * np.pi)
+        self._per_bright: float = (1 - uniform) / total if total > 0 else 0.0
+        self._per_solid: float = (uniform if total > 0 else 1.0) / (4 * np.pi)
         rows = self._per_bright * self._bright + self._per_solid * width * self._solid
         self._marginal = np.concatenate([[0], np.cumsum(rows)])
         self._marginal /= self._marginal[-1]

@@ -142,7 +142,8 @@ class OffscreenRenderer:
         if later is not None:
             if self.scene.basis is None:
                 raise ValueError("later: expected a scene of relit_scene, got one with lights of its own")
-            renderer.show_later(later.coefficients(self.scene.basis), later.mirrored(sky_samples(self.device)))
+            sky = later.mirrored_sky(sky_samples(self.device))
+            renderer.show_later(later.coefficients(self.scene.basis), sky, later.mirrored_suns)
         else:
             renderer.gains_rgb = gains_rgb(self.scene, light_gains)
         renderer.gbuffer = geometry

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from skinbake.irradiance.environment_map import Image, SkySamples
+from skinbake.irradiance.environment_map import Image
 from skinbake.numerics import Float, normalized
+from skinbake.preview.mirrored_sky import mirrored_sky
 from skinbake.preview.scene import PreviewLobe, PreviewScene, Texture
 from skinbake.preview.shader_light import DIRECTIONAL, ShaderLight
 from skinbake.relight.basis import LightBasis
@@ -21,7 +22,7 @@ from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SpecularSpec, TexturingSpec
 
-SAMPLES, SAMPLES_SOFTWARE = 128, 32  # directions of a sky that the oil mirrors, on a graphics card and without one
+SAMPLES, SAMPLES_SOFTWARE = 256, 32  # directions of a sky that the oil mirrors, on a graphics card and without one
 _UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -66,28 +67,30 @@ class LaterLight:
             light += turned(self._known[key], self.rotate_deg)
         return np.einsum("kj,jc->kc", basis.of_harmonics, light)
 
-    def mirrored(self, samples: int) -> tuple[ShaderLight, ...]:
-        """What the oil mirrors: directions of the sky, drawn in proportion to its radiance, and the suns.
-
-        A direction stands for a part of the sphere; by its size the lobe of the oil is widened, lest a few directions
-        show as as many dots.
+    def mirrored_sky(self, samples: int) -> Image:
+        """Directions of the sky that the oil mirrors, as `skinbake.preview.mirrored_sky` gives them, (n, 2, 4).
 
         Parameters
         ----------
         samples : int
-            Directions of the sky.
+            Their number.
         """
-        found = []
-        if self.sky is not None:
-            key = f"directions {samples}"
-            if key not in self._known:
-                self._known[key] = SkySamples(self.sky).draw_parts(samples)
-            towards, radiance, solid = self._known[key]
-            for direction, rgb, part in zip(towards @ _about_y(self.rotate_deg).T, radiance, solid, strict=True):
-                found.append(ShaderLight(DIRECTIONAL, 0, direction, _UP, (part / (8 * np.pi), 1.0), rgb * part))
-        for direction, rgb in self.placed_suns:
-            found.append(ShaderLight(DIRECTIONAL, 0, -normalized(direction), _UP, (0.0, 1.0), np.asarray(rgb, float)))
-        return tuple(found)
+        if self.sky is None:
+            return np.zeros((1, 2, 4), np.float32)
+        key = f"directions {samples}"
+        if key not in self._known:
+            self._known[key] = mirrored_sky(self.sky, samples)
+        directions: Image = self._known[key].copy()
+        directions[:, 0, :3] = directions[:, 0, :3] @ _about_y(self.rotate_deg).T
+        return directions
+
+    @property
+    def mirrored_suns(self) -> tuple[ShaderLight, ...]:
+        """Suns as the oil mirrors them."""
+        return tuple(
+            ShaderLight(DIRECTIONAL, 0, -normalized(direction), _UP, (0.0, 1.0), np.asarray(rgb, float))
+            for direction, rgb in self.placed_suns
+        )
 
 
 def sky_samples(device: str) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pyrender
+from numpy.typing import NDArray
 from OpenGL import GL
 from pyrender.constants import RenderFlags
 from pyrender.renderer import Renderer
@@ -29,7 +30,7 @@ from skinbake.preview.shader_defines import SHADERS, shader_defines
 from skinbake.preview.shader_light import DIRECTIONAL, ShaderLight, shader_lights
 from skinbake.preview.skin_table import table_bounds
 from skinbake.preview.target import FloatTarget
-from skinbake.preview.textures import TileTextures, upload_oil_albedo
+from skinbake.preview.textures import TileTextures, upload, upload_oil_albedo
 from skinbake.scene.lights import LightSpec
 
 GBUFFER_ATTACHMENTS = 5
@@ -85,7 +86,9 @@ class SkinRenderer(Renderer):
         self.fold = False
         self._folded = SummedLobes()
         self._shader_lights = shader_lights(scene.lights)
-        self._oil_albedo = upload_oil_albedo(scene.specular)
+        self._shared = {"oil_albedo": upload_oil_albedo(scene.specular)}
+        if scene.open_sky:
+            self._shared["sky_directions"] = upload(np.zeros((1, 1, 2, 4), np.float32))
         self._locations: dict[tuple[int, str], int] = {}
         self._textures: dict[int, TileTextures] = {}
         self._tile_of: dict[Any, int] = {}
@@ -98,7 +101,7 @@ class SkinRenderer(Renderer):
         """Refuse more lobes than this OpenGL has texture units for."""
         needed, units = (
             len(self.skin.lobes)
-            + (8 if self.skin.open_sky else 7)
+            + (9 if self.skin.open_sky else 7)
             + (4 if self.skin.table else 0)
             + bool(self.skin.maps.f0),
             int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_IMAGE_UNITS)),
@@ -118,7 +121,7 @@ class SkinRenderer(Renderer):
             )
             graph.add(pyrender.Mesh([primitive]))
             self._tile_of[primitive] = tile
-            self._textures[tile] = TileTextures(self.skin, tile, self._oil_albedo)
+            self._textures[tile] = TileTextures(self.skin, tile, self._shared)
         self._camera = PartCamera(yfov=1.0, znear=1.0, zfar=2.0)
         self._camera_node = graph.add(self._camera)
         graph.main_camera_node = self._camera_node
@@ -165,7 +168,7 @@ class SkinRenderer(Renderer):
         self._check_units()
         for tile, textures in self._textures.items():
             textures.delete()
-            self._textures[tile] = TileTextures(scene, tile, self._oil_albedo)
+            self._textures[tile] = TileTextures(scene, tile, self._shared)
         self._folded.delete()
         self._folded = SummedLobes()
 
@@ -187,20 +190,24 @@ class SkinRenderer(Renderer):
         """Move the specular's lights; their baked light stays as it is."""
         self._shader_lights = shader_lights(lights)
 
-    def show_later(self, coefficients: Float, mirrored: tuple[ShaderLight, ...]) -> None:
+    def show_later(self, coefficients: Float, sky: NDArray[np.float32], suns: tuple[ShaderLight, ...]) -> None:
         """Light a scene whose lights come later.
 
         Parameters
         ----------
         coefficients : ndarray of shape (K, 3)
             Factor on each texture of the basis; may be negative.
-        mirrored : tuple of ShaderLight
-            What the oil mirrors.
+        sky : ndarray of shape (n, 2, 4)
+            Directions that the oil mirrors.
+        suns : tuple of ShaderLight
+            Mirrored, too.
         """
+        GL.glDeleteTextures([self._shared["sky_directions"]])
+        self._shared["sky_directions"] = upload(sky[None])
         # No light at all is one without colour: an array in a shader has an element
         up = np.array([0.0, 1.0, 0.0])
         nothing = ShaderLight(DIRECTIONAL, 0, up, up, (0.0, 1.0), np.zeros(3))
-        self.gains_rgb, self._shader_lights = coefficients, mirrored or (nothing,)
+        self.gains_rgb, self._shader_lights = coefficients, suns or (nothing,)
 
     def _uses_fold(self) -> bool:
         """Whether this frame reads lobes whose lights are summed."""
@@ -327,7 +334,7 @@ class SkinRenderer(Renderer):
         for textures in self._textures.values():
             textures.delete()
         if self._textures:
-            GL.glDeleteTextures([self._oil_albedo])
+            GL.glDeleteTextures(list(self._shared.values()))
             self._folded.delete()
         self._textures = {}
         if self.target is not None:

@@ -82,6 +82,7 @@ def shader_defines(
     weight = "weight" if varies else "lobe_weight"
     terms = [f"{weight}[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
     conserving = scene.energy_conservation and mode.name != "lobe"
+    later = tile in scene.open_sky
     mirrored = any(light.kind == ENVIRONMENT for light in lights) and mode.specular
     on = {
         "GBUFFER": geometry_buffer,
@@ -93,13 +94,13 @@ def shader_defines(
         "ALBEDO_AFTER": scene.texturing.exponent_before < 1 and mode.name in ("full", "diffuse"),
         "ENERGY_CONSERVATION": conserving,
         "HAS_ENVIRONMENT": mirrored,
-        "NEEDS_OIL_ALBEDO": conserving or mirrored,
+        "NEEDS_OIL_ALBEDO": conserving or mirrored or (later and mode.specular),
         "SKIN_TABLE": varies,
         "TABLE_COLUMNS": varies and table is not None and len(table.names) > 1,
         "SKIN_SCATTERS": varies and table is not None and table.scatters,
         "SECOND_LOBE": second is not None,
         "HAS_F0_MAP": tile in scene.maps.f0,
-        "LIGHT_COMES_LATER": tile in scene.open_sky,
+        "LIGHT_COMES_LATER": later,
     }
     return (
         {

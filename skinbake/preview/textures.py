@@ -6,7 +6,7 @@ pyrender's own textures turn floats into 8 bit, so these are made with PyOpenGL 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,7 +156,7 @@ class TileTextures:
     lobe_sizes : dict of str to (width, height)
     """
 
-    def __init__(self, scene: PreviewScene, tile: int, oil_albedo: int) -> None:
+    def __init__(self, scene: PreviewScene, tile: int, shared: Mapping[str, int]) -> None:
         maps, self.tile = scene.maps, tile
         lobes = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
         self.lobe_sizes = {name: (image.shape[2], image.shape[1]) for name, image in lobes.items()}
@@ -177,7 +177,7 @@ class TileTextures:
             self._images["open_sky"] = scene.open_sky[tile]
         self._normal_kind = maps.normal_strength, maps.normal_space
         self._own: dict[str, int] = {}
-        self._shared = {"oil_albedo": oil_albedo}
+        self._shared = shared  # of all tiles; whoever gave it may change it
         self.names = (*self._images, *self._shared)
         self.has_normal_map = tile in maps.normal
 

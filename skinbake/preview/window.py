@@ -200,7 +200,8 @@ class PreviewWindow:
         else:
             light = self.relit.light
             assert self.scene.basis is not None
-            renderer.show_later(light.coefficients(self.scene.basis), light.mirrored(sky_samples(self.device)))
+            sky = light.mirrored_sky(sky_samples(self.device))
+            renderer.show_later(light.coefficients(self.scene.basis), sky, light.mirrored_suns)
             renderer.fold = not self.light_moves  # summing every texel pays where the next frame has the same light
         renderer.draw(self.camera)
         target.resolve()

@@ -43,13 +43,13 @@ def light_coefficients(
     sky : ndarray of shape (h, w, 3), optional
         Equirectangular radiance.
     rotate_deg : float
-        Turns the sky about +y, +z towards +x.
+        Turns sky and suns about +y, +z towards +x.
     suns : sequence of (direction, irradiance_rgb)
     """
     light = harmonics_of_suns(suns, basis.order)
     if sky is not None:
-        light += turned(harmonics_of_sky(sky, basis.order), rotate_deg)
-    return np.einsum("kj,jc->kc", basis.of_harmonics, light)
+        light += harmonics_of_sky(sky, basis.order)
+    return np.einsum("kj,jc->kc", basis.of_harmonics, turned(light, rotate_deg))
 
 
 def relit(textures: NDArray[np.floating], coefficients: Float) -> Image:

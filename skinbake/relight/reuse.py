@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,15 @@ from skinbake.scene.spec import SceneSpec
 METHOD = "relight"  # what files say of how such a lobe was made
 
 
+def blurred_for_reuse(spec: SceneSpec) -> SceneSpec:
+    """The look as the transfer of its batch is made, whatever its own tolerance is: to `relight.tolerance`."""
+    assert spec.relight is not None
+    diffusion = spec.diffusion.model_copy(update={"tolerance": spec.relight.tolerance})
+    return spec.model_copy(update={"diffusion": diffusion})
+
+
 def decide_reuse(
-    spec: SceneSpec, make: Callable[[], Transfer], gaussians: GaussianSum, limit: float
+    spec: SceneSpec, make: Callable[[], Transfer], gaussians: GaussianSum, left: float
 ) -> tuple[Transfer | None, Decision]:
     """The transfer, where every light of a look comes from everywhere and is known to it well enough; and the line.
 
@@ -31,18 +39,28 @@ def decide_reuse(
     make : callable
         Gives the transfer of the same look but for its lights; asked only where the lights are of such kinds.
     gaussians : GaussianSum
-    limit : float
-        What its error may be.
+    left : float
+        What the look's light may be wrong by: its tolerance less what its size takes.
     """
     why = _why_not(spec, gaussians)
     if why:
+        return None, Decision("relight.reuse", False, why)
+    assert spec.relight is not None
+    # Its blur and the terms that it leaves out may be wrong by as much, which nothing measures: that is taken off
+    aim = spec.relight.tolerance
+    limit = sqrt(max(left**2 - aim**2, 0.0))
+    if limit < aim:
+        why = f"its textures and their blur are made for an error of {aim:.2%} each, together above {left:.2%}"
         return None, Decision("relight.reuse", False, why)
     transfer = make()
     told = {kind: transfer.error[kind].rms for kind in map(_kind, spec.lights) if kind}
     figures = ", ".join(f"{kind} {rms:.2%}" for kind, rms in told.items())
     kept = max(told.values(), default=0.0) <= limit
     verdict = "within" if kept else "above"
-    why = f"{len(transfer.basis)} textures state an error of {figures}, {verdict} the tolerance of {limit:.2%}"
+    why = (
+        f"{len(transfer.basis)} textures state an error of {figures}, {verdict} {limit:.2%}, what their blur, off by "
+        f"up to {aim:.2%}, leaves of {left:.2%}"
+    )
     return transfer if kept else None, Decision("relight.reuse", kept, why)
 
 

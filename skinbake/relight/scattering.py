@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from skinbake.diffuse.terms.interreflection import (
     look_around,
     receivers,
 )
-from skinbake.diffuse.terms.transmission import transmit
+from skinbake.diffuse.terms.transmission import ThinParts, transmit
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
 from skinbake.kernels.threads import on_threads
@@ -93,6 +94,13 @@ class Scattering:
         self._enough: tuple[int, float] = (1, 0.0)
         self._bounces: int | None = None
         self._through = spec.terms.transmission
+        self._thin: ThinParts | None = None
+        area = [raster.area_mm2[..., None] for raster in atlas]
+        lit = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, self._albedo, strict=True))
+        self._mean_albedo = lit / sum(map(np.sum, area))
+        total = [self._weights.total_image(raster.tile, raster.shape) for raster in atlas]
+        # What of irradiance leaves as M, by tile
+        self._reflected = [albedo * each for albedo, each in zip(self._albedo, total, strict=True)]
         self._curved, line = curve_skin(
             scene.mesh, spec.texture, gaussians, medium, spec.terms.curvature, self._budget.negligible, beams=False
         )
@@ -124,16 +132,16 @@ class Scattering:
         """Look around where skin lights skin by more than the tolerance."""
         spec, scene, terms = self._spec, self._scene, self._spec.terms
         even = [light[raster.tile][:1] for raster in self._atlas]
-        limits = [self._budget.terms_left("relight")]
+        limits = [self._terms_left()]
         lines, bounced = decide_interreflection(
-            scene.mesh, scene.occluder, ("relight",), even, [self._again * colour for colour in self._reflected()],
+            scene.mesh, scene.occluder, ("relight",), even, [self._again * colour for colour in self._reflected],
             self._atlas, spec.texture.udim, terms.interreflection, limits,
         )  # fmt: skip
-        self.lines += lines
         if any(line.enabled for line in lines):
             self._say("relighting: skin that lights skin")
             receiving, texture = receivers(bounced, limits, self._atlas), spec.texture
             self._enough = terms.bounces_for(limits[0], bounced[0].rms)
+            lines = [replace(line, error=receiving.error(each)) for line, each in zip(lines, bounced, strict=True)]
             self._view = look_around(
                 scene.mesh,
                 scene.occluder,
@@ -143,19 +151,18 @@ class Scattering:
                 receiving.width_mm,
                 receiving.rays,
             )
+        self.lines += lines
 
-    def _reflected(self) -> list[Image]:
-        """What of irradiance leaves as M, by tile."""
-        total = [self._weights.total_image(raster.tile, raster.shape) for raster in self._atlas]
-        return [albedo * each for albedo, each in zip(self._albedo, total, strict=True)]
+    def _terms_left(self) -> float:
+        """What terms may still be wrong by that are left out."""
+        return self._budget.terms_left("relight", hypot(*(line.error for line in self.lines)))
 
     def _bounce(self, light: Tiles) -> None:
         """Add what skin sends on to skin."""
         if self._view is None:
             return
-        reflected = self._reflected()
-        sent = [light[raster.tile] * colour for raster, colour in zip(self._atlas, reflected, strict=True)]
-        again = [self._again * colour for colour in reflected]
+        sent = [light[raster.tile] * colour for raster, colour in zip(self._atlas, self._reflected, strict=True)]
+        again = [self._again * colour for colour in self._reflected]
         if self._bounces is None:
             # As many for every light of the basis, or their sum would not be the light's
             even = bounced_light(self._view, [image[:1] for image in sent], again, *self._enough)
@@ -189,16 +196,18 @@ class Scattering:
         spec, texture = self._spec, self._spec.texture
         if self._through == "off":
             return None
-        area = [raster.area_mm2[..., None] for raster in self._atlas]
-        total = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, self._albedo, strict=True))
+        mesh, occluder, scatter = self._scene.mesh, self._scene.occluder, uniform_scatter(self._gaussians, spec.skin)
+        laid_out = texture.size, texture.gutter, texture.udim
+        if self._thin is None:  # what lies behind is the same for all lights
+            self._thin = ThinParts.of(
+                mesh, self._gaussians, *laid_out, self._mean_albedo, occluder, self._medium, scatter
+            )
         lobe, line = transmit(
-            diffused, self._scene.mesh, self._gaussians, texture.size, texture.gutter, texture.udim,
-            total / sum(map(np.sum, area)), self._through, spec.diffusion.tolerance, self._scene.occluder, self._medium,
-            self._budget.terms_left("relight"),
-            scatter=uniform_scatter(self._gaussians, spec.skin),
+            diffused, mesh, self._gaussians, *laid_out, self._mean_albedo, self._through, spec.diffusion.tolerance,
+            occluder, self._medium, self._terms_left(), scatter=scatter, thin=self._thin,
         )  # fmt: skip
         if first:
-            self.lines.append(Decision("relight.transmission", line.enabled, line.why))
+            self.lines.append(Decision("relight.transmission", line.enabled, line.why, line.error))
             self._through = "on" if line.enabled else "off"
         return lobe
 

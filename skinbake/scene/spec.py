@@ -639,7 +639,8 @@ class SceneSpec(Strict):
     @classmethod
     def _names_differ(cls, lights: tuple[Any, ...], info: ValidationInfo) -> tuple[Any, ...]:
         relight = info.data.get("relight")
-        if not lights and (relight is None or relight.reuse):
+        refused = "relight" not in info.data  # which is told by itself
+        if not lights and not refused and (relight is None or relight.reuse):
             raise ValueError("expected at least one light, or relight for those that come later, got none")
         names = [light.name for light in lights]
         twice = sorted(name for name, count in Counter(names).items() if count > 1)

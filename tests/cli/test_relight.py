@@ -86,8 +86,12 @@ def test_verbs_of_lights_say_that_there_are_none(look, capsys, verb):
     [
         ([], "give --environment or --sun"),
         (["--environment", "nowhere.exr"], "nowhere.exr"),
-        (["--sun", "0,0,0=1/1/1"], "--sun: expected X,Y,Z=R/G/B"),
-        (["--rotate", "10"], "--rotate and --turn light: expected --environment or --sun"),
+        (["--environment", ""], "--environment: expected a file, studio or sunset, got an empty text"),
+        (["--sun", "0,0,0=1/1/1"], "--sun 0,0,0=1/1/1: expected a direction in which its light travels"),
+        (["--sun", "0,0,1"], "--sun 0,0,1: expected its irradiance, too, as in 0,0,1=3/3/2.8"),
+        (["--sun", "0,0,1=-1"], "--sun 0,0,1=-1: expected X,Y,Z=R/G/B"),
+        (["--rotate", "10"], "--rotate 10: expected --environment or --sun beside it"),
+        (["--turn", "light"], "--turn light: expected --environment or --sun beside it"),
         (["--environment", "studio", "--compare"], "expected neither --lights"),
     ],
 )
@@ -111,7 +115,42 @@ def test_looks_that_contradict_themselves_are_refused(look, capsys, change, mess
     """By key, with exit code 2."""
     changes = ["--set", change] + (["--set", "relight=null"] if change == "lights=[]" else [])
     assert run(["bake", str(look), *changes]) == 2
-    assert message in " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().err.split())
+    assert message in said
+    assert "at least one light" not in said.replace(message, "")
+
+
+def test_check_tells_of_the_textures(look, capsys):
+    """How many and how large, and no size of files that are not written."""
+    assert run(["check", str(look)]) == 0
+    said = capsys.readouterr().out
+    assert "relight: up to 16 textures of 30 x 24 for any sky and any sun" in said
+    (expected,) = [line for line in said.splitlines() if line.startswith("expected")]
+    assert re.search(r"on two cores, relight [\d.]+ MiB$", expected)
+    assert run(["check", str(look), "--json"]) == 0
+    cost = json.loads(capsys.readouterr().out)["expected"]
+    assert cost["irradiance_mib"] == cost["lobes_mib"] == 0 < cost["relight_mib"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda use: use["of_harmonics"].pop(), "of_harmonics: expected 16 rows, one a texture, got 15"),
+        (lambda use: use | {"textures": use["textures"] - 1, "of_harmonics": use["of_harmonics"][1:]},
+         "relight.exr: expected 15 parts"),
+        (lambda use: use | {"textures": "many"}, "textures"),
+    ],
+    ids=["rows", "parts", "number"],
+)  # fmt: skip
+def test_too_few_rows_are_told(look, tmp_path, spoil, message):
+    """Rows of the matrix, parts of the file and the number of textures go together."""
+    shutil.copytree(look.parent / "out", tmp_path / "out")
+    path = tmp_path / "out" / "relight.json"
+    use = json.loads(path.read_text())
+    changed = spoil(use)
+    path.write_text(json.dumps(changed if isinstance(changed, dict) else use))
+    with pytest.raises(InputError, match=re.escape(message)):
+        skinbake.open_bake(path.parent).relight("studio")
 
 
 def test_a_sun_is_read_from_text():

@@ -58,6 +58,8 @@ def test_a_whole_turn_gives_the_same_bytes(baked):
     assert face.relight(sky, 360).tobytes() == face.relight(sky).tobytes()
     np.testing.assert_allclose(face.relight(sky, 90), face.relight(np.roll(sky, -16, axis=1)), rtol=1e-3)
     assert abs(face.relight(sky, 90) - face.relight(sky)).max() > 0.05
+    sun, turned = ((0.6, -0.3, -0.7), (1, 2, 3)), ((-0.7, -0.3, -0.6), (1, 2, 3))
+    np.testing.assert_allclose(face.relight(rotate_deg=90, suns=[sun]), face.relight(suns=[turned]), atol=1e-4)
 
 
 def test_a_sky_is_as_it_is_baked(baked):
@@ -91,10 +93,34 @@ def test_a_bake_without_it_says_so(baked):
         plain.relight()
     with pytest.raises(InputError, match="suns: expected"):
         baked().relight(suns=[((0, 0, 0), (1, 1, 1))])
-    with pytest.raises(InputError, match="environment: expected finite radiance"):
-        baked().relight(-np.ones((4, 8, 3)))
+    with pytest.raises(InputError, match="no lights of its own"):
+        baked().irradiance("key")
     with pytest.raises(InputError, match="no lights of its own"):
         baked().radiant_exitance()
+
+
+@pytest.mark.parametrize("suns", [None, 3, [None], [5], ["ab"], [((0, 0, 1), "red")], [((0, 0, 1),)],
+                                  [((0, 0), (1, 1, 1))], [((0, 0, np.nan), (1, 1, 1))], [((0, 0, 1), (1, 1, -1))],
+                                  [((0, 0, 0), (1, 1, 1))], ((0, 0, 1), (1, 1, 1))])  # fmt: skip
+def test_suns_that_are_none_are_refused(baked, suns):
+    """Whatever is given in place of pairs of three numbers gets one sentence."""
+    with pytest.raises(InputError, match=r"^suns: expected a"):
+        baked().relight(suns=suns)
+
+
+def test_values_that_are_no_light_are_refused(baked):
+    """Turns that are no number, gains and radiance that are none or below 0."""
+    for turn in (np.nan, np.inf, "40", None, [1, 2]):
+        with pytest.raises(InputError, match="rotate_deg: expected a finite number"):
+            baked().relight(np.ones((4, 8, 3)), turn)
+    for sky in (-np.ones((4, 8, 3)), np.full((4, 8, 3), np.nan), np.ones((4, 8)), [["a"]], [[1], [1, 2]]):
+        with pytest.raises(InputError, match="environment: expected finite radiance"):
+            baked().relight(sky)
+    plain = baked("relight=null", "lights=[{name: sky, type: environment, radiance: [1, 1, 1]}]")
+    for gain in (np.nan, -1, np.inf, "much", (1, 2), None, (1, 1, np.nan)):
+        with pytest.raises(InputError, match="gains: sky: expected a number from 0 up"):
+            plain.radiant_exitance({"sky": gain})
+    np.testing.assert_allclose(plain.radiant_exitance({"sky": (2, 2, 2)}), 2 * plain.radiant_exitance(), rtol=1e-6)
 
 
 def test_tiles_have_their_own_textures(baked):

@@ -164,8 +164,8 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         slanted = medium.layers and inputs.spec.terms.incidence != "off"
         line = None
         if self._transfer is not None:
-            limit = inputs.decisions.budget.left
-            transfer, line = decide_reuse(inputs.spec, self._transfer.result, gaussians, limit)
+            left = inputs.decisions.budget.left
+            transfer, line = decide_reuse(inputs.spec, self._transfer.result, gaussians, left)
             if transfer:
                 return reused_lights(inputs.spec, transfer, gaussians, inputs.scene().environments, line)
         made = scatter(

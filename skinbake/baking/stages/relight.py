@@ -16,7 +16,9 @@ from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import skin_medium
 from skinbake.profile.varying_skin import mean_skin
+from skinbake.relight.reuse import blurred_for_reuse
 from skinbake.relight.transfer import Transfer, make_transfer
+from skinbake.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
@@ -48,7 +50,7 @@ class RelightStage(Stage[Transfer, Transfer]):
         return self._key(self._profile.result())
 
     def _key(self, gaussians: GaussianSum) -> str:
-        inputs, spec = self._inputs, self._inputs.spec
+        inputs, spec = self._inputs, self._spec
         assert spec.relight is not None
         medium = skin_medium(spec.skin)  # its maps are in the key by themselves
         return key_of(
@@ -67,6 +69,11 @@ class RelightStage(Stage[Transfer, Transfer]):
     def _reused(self) -> bool:
         """Whether the look only wants its lights shown by the textures."""
         return self._inputs.spec.relight is not None and self._inputs.spec.relight.reuse
+
+    @property
+    def _spec(self) -> SceneSpec:
+        """The look; all of a batch that differ in lights and tolerance want one transfer."""
+        return blurred_for_reuse(self._inputs.spec) if self._reused else self._inputs.spec
 
     @property
     def inputs_read(self) -> dict[str, str]:
@@ -96,7 +103,7 @@ class RelightStage(Stage[Transfer, Transfer]):
         medium = skin_medium(skin)
         slanted = medium.layers and inputs.spec.terms.incidence != "off"
         made = make_transfer(
-            inputs.spec.model_copy(update={"skin": skin}),
+            self._spec.model_copy(update={"skin": skin}),
             inputs.decisions,
             inputs.scene(),
             self._profile.result(),

@@ -63,6 +63,81 @@ class TransmittedLight(NamedTuple):
     counted: bool
 
 
+class _ThinTile(NamedTuple):
+    """Texels of a tile that have a far side.
+
+    Attributes
+    ----------
+    raster : AtlasRaster
+        Of the size that transmitted light is computed at.
+    rows, cols : ndarrays of shape (n,)
+    far : FarSide
+        Of these texels.
+    """
+
+    raster: AtlasRaster
+    rows: Index
+    cols: Index
+    far: FarSide
+
+
+class ThinParts(NamedTuple):
+    """What lies behind each texel: traced once, good for any light.
+
+    Attributes
+    ----------
+    weights : SlabWeights
+    gaussians : GaussianSum
+        Of what scatters.
+    tiles : tuple of _ThinTile
+    centre_mm : ndarray of shape (3,)
+        About which the points of `tiles` lie.
+    """
+
+    weights: SlabWeights
+    gaussians: GaussianSum
+    tiles: tuple[_ThinTile, ...]
+    centre_mm: Float
+
+    @classmethod
+    def of(
+        cls,
+        mesh: SkinMesh,
+        gaussians: GaussianSum,
+        size: tuple[int, int],
+        gutter: int,
+        udim: bool,
+        albedo_rgb: Float,
+        occluder: Occluder | None = None,
+        medium: SkinMedium | None = None,
+        scatter: float = 1.0,
+    ) -> ThinParts:
+        """Trace inwards from the texels of a texture.
+
+        Parameters
+        ----------
+        mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter
+            As of `transmit`.
+        """
+        reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
+        if scatter < 1 or (gaussians.table is not None and gaussians.table.scatters):
+            weights, gaussians = _of_what_scatters(gaussians, reflectance, medium)
+        else:
+            weights = slab_weights(gaussians, reflectance, medium)
+        texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
+        coarse = 1 << transmitted_level(texel_mm)
+        small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
+        occluder = occluder or Occluder(mesh)
+        tiles = []
+        for raster in rasterize(mesh, small, max(2, gutter // coarse), udim):
+            rows, cols = np.nonzero(raster.addressed)
+            point, normal = skin_points(raster, mesh, occluder, rows, cols)
+            near = np.flatnonzero(occluder.occluded(*inwards(occluder, point, normal), _reach(weights, len(rows))))
+            far = far_side(occluder, mesh, point[near], normal[near])
+            tiles.append(_ThinTile(raster, rows[near], cols[near], far))
+        return cls(weights, gaussians, tuple(tiles), occluder.centre_mm)
+
+
 def transmit(
     diffused: DiffuseMap,
     mesh: SkinMesh,
@@ -78,6 +153,7 @@ def transmit(
     limit: float = np.inf,
     lights: Mapping[str, TransmittedLight] | None = None,
     scatter: float = 1.0,
+    thin: ThinParts | None = None,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe, and the plan's line on it.
 
@@ -103,6 +179,8 @@ def transmit(
         By the names in `diffused`; of others light comes from everywhere and counts by its incidence.
     scatter : float
         Weight of the lobe: share of the light that scatters.
+    thin : ThinParts, optional
+        What `ThinParts.of` made of the same skin on the same texture.
 
     References
     ----------
@@ -110,29 +188,15 @@ def transmit(
     """
     if switch == "off":
         return None, Decision("transmission", False, "off")
-    reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
-    if scatter < 1 or (gaussians.table is not None and gaussians.table.scatters):
-        weights, gaussians = _of_what_scatters(gaussians, reflectance, medium)
-    else:
-        weights = slab_weights(gaussians, reflectance, medium)
+    thin = thin or ThinParts.of(mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter)
+    weights, gaussians, atlas = thin.weights, thin.gaussians, [each.raster for each in thin.tiles]
     carried = _carried_already(weights, diffused, gaussians)
     of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
-
-    texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
-    coarse = 1 << transmitted_level(texel_mm)
-    small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
-    atlas = rasterize(mesh, small, max(2, gutter // coarse), udim)
-    occluder = occluder or Occluder(mesh)
     rgb, through, reflected = {}, [], []
-    for raster in atlas:
-        rows, cols = np.nonzero(raster.addressed)
-        point, normal = skin_points(raster, mesh, occluder, rows, cols)
-        near = np.flatnonzero(occluder.occluded(*inwards(occluder, point, normal), _reach(weights, len(rows))))
-        far = far_side(occluder, mesh, point[near], normal[near])
-        slants = (slant_factors(weights, far, *light, occluder.centre_mm) for light in of_names)
+    for raster, rows, cols, far in thin.tiles:
+        slants = (slant_factors(weights, far, *light, thin.centre_mm) for light in of_names)
         by_lobe = _ByLobe(_at(weights, weights.weight_rgb, far), _at(weights, carried, far), np.stack(list(slants)))
         across = _gather(diffused, mesh, udim, far.face, far.uv, by_lobe)
-        rows, cols = rows[near], cols[near]
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
         image[:, rows, cols] = np.maximum(across, 0)
         rgb[raster.tile] = image

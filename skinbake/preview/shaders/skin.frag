@@ -47,11 +47,12 @@ uniform int light_kind[N_LIGHTS];
 uniform int light_layer[N_LIGHTS];
 uniform vec3 light_at[N_LIGHTS];     // position, or unit vector towards a directional light
 uniform vec3 light_axis[N_LIGHTS];
-uniform vec2 light_cosines[N_LIGHTS]; // of a spot's outer and inner angle; of light that comes later what widens m^2
+uniform vec2 light_cosines[N_LIGHTS]; // of a spot's outer and inner angle
 uniform vec3 light_color[N_LIGHTS];  // irradiance facing it, or intensity; with the light's gain
 
 #ifdef LIGHT_COMES_LATER
 uniform sampler2DArray open_sky;  // harmonics Y_0 to Y_8 of the directions that are open, three a layer
+uniform sampler2DArray sky_directions;  // a row each: unit vector and part of the sphere; radiance, and 1 if bright
 #endif
 
 layout(location = 0) out vec4 radiance;
@@ -273,32 +274,52 @@ void main()
         vec3 arriving;
         vec3 l = to_light(i, arriving);
         float n_dot_l = dot(n, l);
+        if (n_dot_l > 0.0) {
 #ifdef LIGHT_COMES_LATER
-        float width = sqrt(m * m + light_cosines[i].x);
-        float second = sqrt(sharp * sharp + light_cosines[i].x);
+            float seen = is_open(seen_sky, l);
+#else
+            float seen = texture(visibility, vec3(frag_uv, light_layer[i])).r;
+#endif
+#ifdef HAS_NORMAL_MAP
+            seen *= bump_terminator(n_dot_l, dot(smooth_normal, l));
+#endif
+            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, m, sharp, f0_here));
+        }
+    }
+#ifdef LIGHT_COMES_LATER
+    // As skinbake/preview/mirrored_sky.py says. What a direction stands for widens the lobe, lest few show as dots
+    vec3 dim = vec3(0.0), bright = vec3(0.0);
+    float dim_weight = 0.0, bright_weight = 0.0;
+    for (int i = 0; i < textureSize(sky_directions, 0).y; ++i) {
+        vec4 direction = texelFetch(sky_directions, ivec3(0, i, 0), 0);
+        vec3 l = direction.xyz;
+        float variance = direction.w / (8.0 * PI);
+        float width = sqrt(m * m + variance), second = sqrt(sharp * sharp + variance);
 #ifdef SECOND_LOBE
         float widest = max(width, second);
 #else
         float widest = width;
 #endif
         vec3 h = l + v;
-        float n_dot_h = dot(n, h);
-        if (n_dot_h * n_dot_h * (1.0 + LOBE_END * widest * widest) < dot(h, h))
+        float n_dot_h = dot(n, h), n_dot_l = dot(n, l);
+        if (n_dot_l <= 0.0 || n_dot_h * n_dot_h * (1.0 + LOBE_END * widest * widest) < dot(h, h))
             continue;  // beyond e^-LOBE_END of the lobe's top: most directions of a sky are
-#endif
-        if (n_dot_l > 0.0) {
-#ifdef LIGHT_COMES_LATER
-            float seen = is_open(seen_sky, l);
-#else
-            float seen = texture(visibility, vec3(frag_uv, light_layer[i])).r;
-            float width = m, second = sharp;
-#endif
+        float weight = direction.w * n_dot_l * oil_brdf(n, l, v, width, second, f0_here);
+        float seen = is_open(seen_sky, l);
 #ifdef HAS_NORMAL_MAP
-            seen *= bump_terminator(n_dot_l, dot(smooth_normal, l));
+        seen *= bump_terminator(n_dot_l, dot(smooth_normal, l));
 #endif
-            color += arriving * (rho_s * seen * n_dot_l * oil_brdf(n, l, v, width, second, f0_here));
+        vec4 sent = texelFetch(sky_directions, ivec3(1, i, 0), 0);
+        if (sent.a > 0.5) {
+            bright_weight += weight;
+            bright += weight * seen * sent.rgb;
+        } else {
+            dim_weight += weight;
+            dim += weight * seen * sent.rgb;
         }
     }
+    color += reflected * (dim / max(dim_weight, 1e-20) + bright / max(bright_weight, specular_albedo(dot(n, v), m, f0_here)));
+#endif
 #endif
 
     radiance = vec4(color, 1.0);
