@@ -17,7 +17,13 @@ Image = NDArray[np.float32]
 
 
 def sky_of(environment: Path | str | Image) -> Image:
-    """Radiance (h, w, 3) of a file, or as it was given."""
+    """Radiance (h, w, 3) of a file, or as it was given.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
     if isinstance(environment, Path | str):
         from skinbake.io.environment import read_sky
 
@@ -30,7 +36,13 @@ def sky_of(environment: Path | str | Image) -> Image:
 
 
 def checked_suns(suns: Sequence[Sun]) -> list[Sun]:
-    """Suns of a direction and three numbers, not below 0."""
+    """Suns of a direction and three numbers, not below 0.
+
+    Raises
+    ------
+    InputError
+        One is something else.
+    """
     expected = "suns: expected a list of (direction, irradiance_rgb), three finite numbers each, irradiance >= 0"
     try:
         pairs = [(sun, [_numbers(part) for part in sun]) for sun in suns]
@@ -48,7 +60,13 @@ def checked_suns(suns: Sequence[Sun]) -> list[Sun]:
 
 
 def checked_turn(rotate_deg: float) -> float:
-    """A finite angle."""
+    """A finite angle.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
     turn = _numbers(rotate_deg)
     if turn is None or turn.ndim or not np.isfinite(turn):
         raise InputError(f"rotate_deg: expected a finite number, got {rotate_deg}")
@@ -56,7 +74,13 @@ def checked_turn(rotate_deg: float) -> float:
 
 
 def checked_gain(name: str, gain: float | Sequence[float]) -> Image:
-    """A gain as R, G, B."""
+    """A gain as R, G, B.
+
+    Raises
+    ------
+    InputError
+        It is none, or below 0.
+    """
     factor = _numbers(gain)
     if factor is None or factor.shape not in ((), (1,), (3,)) or not ((factor >= 0) & (factor <= LARGEST)).all():
         raise InputError(f"gains: {name}: expected a number from 0 up, or three for R, G, B, got {gain}")
