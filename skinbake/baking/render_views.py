@@ -44,6 +44,8 @@ def render(
 ) -> list[Path]:
     """Render pictures into a folder and give the paths of the PNGs; the defaults render out/preview.png.
 
+    Those that were asked for by view or turntable are named after it, also where there is only one.
+
     Parameters
     ----------
     renderer : OffscreenRenderer
@@ -105,7 +107,7 @@ def render(
             for each in planned
             for k in range(frames)
         ]
-    names = ["preview"] if len(planned) == 1 else [f"preview_{each.name}" for each in planned]
+    names = [f"preview_{each.name}" for each in planned] if views or turntable else ["preview"]
     paths = [Path(png)] if png else [out / f"{name}{'_compare' if compare else ''}.png" for name in names]
     refuse_inputs([*([movie] if movie else []), *paths, *(path.with_suffix(".exr") for path in paths if exr)], inputs)
     progress = progress or Progress(shown=False)

@@ -26,6 +26,8 @@ class BakeJob:
     cache_bytes : int
     code : str
         Digest of the code that gave the job; another process must have the same.
+    advice : str
+        What to do where it has not.
     """
 
     spec: SceneSpec
@@ -34,6 +36,7 @@ class BakeJob:
     cache: str | None
     cache_bytes: int
     code: str
+    advice: str = "update it, or start the batch again"
 
 
 def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
@@ -50,7 +53,7 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
     from skinbake.io.manifest import read_manifest
 
     if package_digest() != job.code:
-        raise MachineError("this worker runs another version of skinbake than the one that sent the job; update it")
+        raise MachineError(f"this worker runs another version of skinbake than what sent the job; {job.advice}")
     start = time.perf_counter()
     stages: dict[str, bool] = {}
 

@@ -15,6 +15,7 @@ from skinbake.errors import InputError, printable
 if TYPE_CHECKING:
     from skinbake.scene.spec import SceneSpec
 
+LONGEST = 200  # characters of a header's value that are shown
 _UNQUOTABLE = re.compile(r"[%;=|\\]|[ &]$|\(.*\)$")
 
 
@@ -84,6 +85,8 @@ def _bake(manifest: dict[str, Any], inputs: dict[str, dict[str, str]]) -> list[s
             f"{error['probes']} probes (method {error['method']:.3%}, storage {error['storage']:.3%}, "
             f"fit {', '.join(f'{e:.2%}' for e in error['fit'])})"
         )
+    if "left_wrong" in error:
+        lines.append(f"in all   rms {error['left_wrong']:.3%}: the blur, the texture's size and terms left out")
     if model := error.get("model"):
         from skinbake.transport.model_error import rms_words
 
@@ -106,11 +109,22 @@ def _batch(batch: dict[str, Any]) -> list[str]:
 
 
 def _headers(headers: dict[str, dict[str, Any]]) -> list[str]:
+    """What all parts say, once, and then what each says itself; of what is long the beginning."""
+    first, *others = headers.values()
+    shared = {key for key in first if others and all(key in of and of[key] == first[key] for of in others)}
+    blocks = {"every part": {key: first[key] for key in shared}} if shared else {}
+    blocks |= {part or "image": {key: header[key] for key in header if key not in shared}
+               for part, header in headers.items()}  # fmt: skip
     lines = []
-    for part, header in headers.items():
-        lines.append(part or "image")
-        lines += [f"  {key:<24} {value}" for key, value in sorted(header.items())]
+    for name, header in blocks.items():
+        lines.append(name)
+        lines += [f"  {key:<24} {_short(str(value))}" for key, value in sorted(header.items())]
     return lines
+
+
+def _short(text: str) -> str:
+    more = len(text) - LONGEST
+    return text if more <= 0 else f"{text[:LONGEST]} ... and {more} characters more; --json has them"
 
 
 def _rule(folder: Path, spec: SceneSpec) -> str:

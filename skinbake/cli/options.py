@@ -58,6 +58,7 @@ class Output(click.Path):
         return super().convert(value, param, ctx)
 
 
+_QUIET = "skinbake.quiet"  # key of click's context
 config_argument = click.argument("config", type=click.Path(dir_okay=False))
 set_option = click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a configuration key; may be repeated."
@@ -92,7 +93,16 @@ def lit(look: SceneSpec) -> SceneSpec:
 
 def quiet_option(command: Command) -> Command:
     """`--quiet` and `--verbose` as one keyword, `verbosity` (0, 1, 2)."""
-    command = click.option("--verbose", "verbosity", flag_value=2, type=int, help="Say more.")(command)
-    return click.option("--quiet", "verbosity", flag_value=0, type=int, default=1, help="Only say what went wrong.")(
-        command
-    )
+
+    def keep(context: click.Context, _: click.Parameter, quiet: bool) -> None:
+        context.meta[_QUIET] = quiet
+
+    def level(context: click.Context, _: click.Parameter, verbose: bool) -> int:
+        if verbose and context.meta[_QUIET]:
+            raise click.UsageError("expected --quiet or --verbose, got both")
+        return 0 if context.meta[_QUIET] else 2 if verbose else 1
+
+    command = click.option("--verbose", "verbosity", is_flag=True, callback=level, help="Say more.")(command)
+    return click.option(
+        "--quiet", is_flag=True, is_eager=True, expose_value=False, callback=keep, help="Only say what went wrong."
+    )(command)

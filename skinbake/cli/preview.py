@@ -172,9 +172,9 @@ def _refuse_movie(movie: str, turntable: int | None, png: str | None, views: lis
     """
     from skinbake.io.movie import refuse_movie
 
+    refuse_movie(movie)
     if not turntable or png or len(views) > 1:
         raise InputError("--movie: expected --turntable N beside it, no --png, and one view")
-    refuse_movie(movie)
 
 
 def render_still(

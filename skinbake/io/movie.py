@@ -29,7 +29,7 @@ def refuse_movie(path: Path | str) -> None:
     """
     kind = Path(path).suffix.lower()
     if kind not in KINDS:
-        raise InputError(f"{path}: expected a name that ends in {' or '.join(KINDS)}")
+        raise InputError(f"--movie {path}: expected a name that ends in {' or '.join(KINDS)}, got {kind or 'none'}")
     missing = [name for name in NEEDS[kind] if find_spec(name) is None]
     if missing:
         other = "; a .gif needs no more than is here" if missing == ["imageio_ffmpeg"] else ""

@@ -35,7 +35,7 @@ class FinalBake:
         self.give_up()
         if self._worker is None:
             self._worker = WorkerProcess()
-        job = BakeJob(spec, False, True, None, DEFAULT_LIMIT_BYTES, package_digest())
+        job = BakeJob(spec, False, True, None, DEFAULT_LIMIT_BYTES, package_digest(), "restart watch")
         self._worker.start("look", 0, bake_job, job)
         self._shown = self._progress.task("baking as asked", whole_seconds(spec))
         self._task = self._shown.__enter__()

@@ -192,7 +192,10 @@ def test_info_tells_where_a_bake_came_from(bake, tmp_path, capsys):
     assert run(["info", folder, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["input_states"]["mesh"]["state"] == "missing"
     assert run(["info", f"{folder}/lobe_0.exr"]) == 0
-    assert "skinbake:variance_mm2" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert said.count("skinbake:variance_mm2") == said.count("skinbake:diffusion") == 1  # not once for each light
+    assert max(map(len, said.splitlines())) < 300
+    assert said.partition("\nlight.lamp\n")[2].split()[:2] == ["name", "light.lamp"]
     assert run(["info", str(tmp_path)]) == 2
 
 

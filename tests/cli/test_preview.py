@@ -44,6 +44,8 @@ def test_the_same_bytes_again(bake, tmp_path):
 def test_views_turntable_and_compare_name_their_files(bake, tmp_path):
     assert run(["preview", str(bake), "--out", str(tmp_path / "v"), "--views", "front,left", "--size", "32x40"]) == 0
     assert sorted(p.name for p in (tmp_path / "v").iterdir()) == ["preview_front.png", "preview_left.png"]
+    assert run(["preview", str(bake), "--out", str(tmp_path / "o"), "--views", "left", "--size", "32x40"]) == 0
+    assert [p.name for p in (tmp_path / "o").iterdir()] == ["preview_left.png"]
     assert run(["preview", str(bake), "--out", str(tmp_path / "t"), "--turntable", "3", "--size", "24"]) == 0
     film = ["--turntable", "3", "--size", "24", "--movie", str(tmp_path / "turn.gif")]
     before = sorted(bake.iterdir())
@@ -160,6 +162,8 @@ def test_without_opengl_everything_but_the_picture_is_there(tmp_path, monkeypatc
         (["--exposure", "nan"], "-100<=x<=100"),
         (["--exposure", "-2000"], "-100<=x<=100"),
         (["--png", "a.jpg"], "ends in .png"),
+        (["--movie", "a.xyz"], "--movie a.xyz: expected a name that ends in .mp4 or .gif, got .xyz"),
+        (["--quiet", "--verbose"], "expected --quiet or --verbose, got both"),
         (["--png", "a.png", "--views", "front,left"], "give --out DIR for several"),
     ],
 )

@@ -41,7 +41,7 @@ def test_a_movie_that_is_given_up_leaves_nothing(tmp_path):
 
 def test_what_is_missing_is_told_with_its_remedy(tmp_path, monkeypatch):
     """Another kind of file; no ffmpeg."""
-    with pytest.raises(InputError, match=r"a\.avi: expected a name that ends in \.mp4 or \.gif"):
+    with pytest.raises(InputError, match=r"a\.avi: expected a name that ends in \.mp4 or \.gif, got \.avi"):
         refuse_movie("a.avi")
     monkeypatch.setattr(movie, "find_spec", lambda name: None if name == "imageio_ffmpeg" else find_spec(name))
     with pytest.raises(InputError, match=r"needs imageio_ffmpeg: pip install 'skinbake\[movie\]'; a \.gif needs no"):
