@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from skinbake.atlas import FIRST_TILE, tiles_of
-from skinbake.baking.inputs_roles import OCCLUDERS
+from skinbake.baking.inputs_roles import DETAILED, OCCLUDERS, OF_MATERIALS
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
 from skinbake.diffuse.planning.texture_size import TextureSize, at_size, choose_size, may_be_reduced
@@ -26,9 +26,6 @@ from skinbake.profile.varying_skin import Range, ranges_of
 from skinbake.scene.maps import OF_SKIN
 from skinbake.scene.skin import PhysiologySkin
 from skinbake.scene.spec import OF_FILE, SceneSpec
-
-_OF_MATERIALS = ("albedo", "normal", "roughness")  # maps that a glTF's materials hold
-_DETAILED = ("albedo", "normal", "height", "detail")  # maps that a coarser texture loses detail of
 
 
 def _layout_of_its_own(spec: SceneSpec) -> bool:
@@ -72,7 +69,7 @@ class BakeInputs:
         spec = self.spec
         key = key_of(
             code_digest("skinbake.diffuse.planning.texture_size"),
-            self.key("mesh", *_DETAILED, *self.skin_maps),
+            self.key("mesh", *DETAILED, *self.skin_maps),
             (spec.diffusion.tolerance, spec.output.seed, spec.texturing.exponent_before),
             (spec.skin.model_dump(mode="json", exclude={"path"}), self.digests.get("skin")),
         )
@@ -156,11 +153,9 @@ class BakeInputs:
         chosen = getattr(spec.maps, role, None)
         # What stands in for a map: a constant, or what the mesh's own file holds, whose digest every stage has
         others: tuple[Any, ...] = (spec.maps.albedo_rgb, spec.maps.vertex_colors) if role == "albedo" else ()
-        if role == "specular":
-            others = (self._part("cavity"),)
         if role == "albedo" and isinstance(spec.skin, PhysiologySkin) and spec.skin.albedo is not None:
             others += (spec.skin.model_dump(mode="json"), [self._part(name) for name in PIGMENTS])
-        source = spec.maps.source if chosen is None and role in _OF_MATERIALS else None
+        source = spec.maps.source if chosen is None and role in OF_MATERIALS else None
         written = chosen and chosen.model_dump(mode="json", exclude={"path"})
         return written, digest, others, source, self.digests.get("ocio")
 

@@ -18,6 +18,8 @@ MAPS = {
     "normal": {"path": "n.png"},
     "roughness": {"path": "r.png"},
     "specular": {"path": "s.png"},
+    "cavity": {"path": "c.png"},
+    "f0": {"path": "f.png"},
     "height": {"path": "h.png", "scale_mm": 1.0},
     "detail": {"path": "d.png", "repeat": 4},
 }
@@ -27,6 +29,8 @@ CHANGES = {
     "normal": COLOUR | {"space": "object", "green": "directx", "encoding": "signed", "strength": 2.0},
     "roughness": COLOUR | {"channel": "r", "invert": True, "kind": "ggx"},
     "specular": COLOUR | {"channel": "r", "invert": True},
+    "cavity": COLOUR | {"channel": "r", "invert": True},
+    "f0": COLOUR | {"channel": "r", "invert": True, "scale": 0.1},
     "height": COLOUR | {"channel": "r", "invert": True, "scale_mm": 2.0},
     "detail": COLOUR | {"green": "directx", "encoding": "signed", "strength": 2.0, "repeat": 5},
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from skinbake.baking.inputs import BakeInputs
@@ -11,6 +12,7 @@ from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
 from skinbake.io.config import load_look
 from skinbake.io.mesh import write_obj
+from skinbake.io.png import write_png
 from tests.shapes import quad
 
 LOOK = """\
@@ -43,6 +45,16 @@ def test_the_tolerance_is_part_of_a_sky_s_key_only(stages):
     first, other = (stages(f"diffusion.tolerance={t}").irradiance.light_keys for t in (0.05, 0.04))
     assert first["sky"] != other["sky"]
     assert first["key"] == other["key"]
+
+
+@pytest.mark.parametrize("conserved", ["on", "off"])
+def test_files_name_every_map_that_their_light_has_read(stages, tmp_path, conserved):
+    """Cavities take oil off, and so change the light wherever the oil does: their digest is in the header."""
+    for name in ("cavity", "f0"):
+        write_png(tmp_path / f"{name}.png", np.full((4, 4, 3), 90, np.uint8))
+    maps = f"maps={{cavity: {tmp_path}/cavity.png, f0: {tmp_path}/f0.png}}"
+    read = stages(maps, f"terms.energy_conservation={conserved}").irradiance.inputs_read
+    assert set(read) == ({"mesh", "cavity", "f0"} if conserved == "on" else {"mesh"})
 
 
 def test_what_a_light_does_not_read_leaves_its_key(stages):

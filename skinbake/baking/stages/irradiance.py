@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
-from skinbake.baking.inputs_roles import OCCLUDERS
+from skinbake.baking.inputs_roles import OCCLUDERS, OILY, SHAPING
 from skinbake.baking.provenance import Provenance
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 Maps = tuple[IrradianceMap, ...]
 Arrays = dict[str, NDArray[Any]]
-_SHAPING = ("mesh", "normal", "height", "detail")  # roles of files that every light depends on
-_OILY = ("roughness", "specular", "f0")  # where the oil layer's share is taken off
 
 
 class IrradianceStage(Stage[Maps, Maps]):
@@ -65,7 +63,7 @@ class IrradianceStage(Stage[Maps, Maps]):
     def inputs_read(self) -> dict[str, str]:
         """Digests of the files that are read for it, by role."""
         digests, oil = self._inputs.digests, self._inputs.decisions.energy_conservation.enabled
-        roles = {*_SHAPING, *(_OILY if oil else ()), *(f"light.{name}" for name in self.light_keys)}
+        roles = {*SHAPING, *(OILY if oil else ()), *(f"light.{name}" for name in self.light_keys)}
         return {role: digest for role, digest in digests.items() if role in roles or role.startswith("occluder.")}
 
     def _light_key(self, name: str) -> str:
@@ -74,10 +72,10 @@ class IrradianceStage(Stage[Maps, Maps]):
         tolerance = inputs.decisions.budget.sky if light.type == "environment" else None  # by which it is planned
         oil = None
         if inputs.decisions.energy_conservation.enabled:
-            oil = (spec.specular.model_dump(mode="json"), inputs.key(*_OILY))
+            oil = (spec.specular.model_dump(mode="json"), inputs.key(*OILY))
         return key_of(
             code_digest(__name__),
-            inputs.key(*_SHAPING, OCCLUDERS),
+            inputs.key(*SHAPING, OCCLUDERS),
             (inputs.key(f"light.{name}"), tolerance, spec.shadows, spec.output.seed, spec.output.precision),
             oil,
         )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from skinbake.baking.incidence_table import incidence_table
-from skinbake.baking.inputs_roles import OCCLUDERS
+from skinbake.baking.inputs_roles import LATER, OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from skinbake.baking.result_store import ResultStore
     from skinbake.baking.stages.profile import ProfileStage
     from skinbake.pipeline import StageTimer
-
-_READ = ("mesh", "albedo", "normal", "height", "detail", "roughness", "specular", "f0")  # roles of files
 
 
 class RelightStage(Stage[Transfer, Transfer]):
@@ -57,7 +55,7 @@ class RelightStage(Stage[Transfer, Transfer]):
             code_digest(__name__),
             [values.tolist() for values in (gaussians.variance_mm2, gaussians.weight_rgb, gaussians.energy_rgb)],
             gaussians.table and table_record(gaussians.table),
-            inputs.key(*_READ, *inputs.skin_maps, OCCLUDERS),
+            inputs.key(*LATER, *inputs.skin_maps, OCCLUDERS),
             (medium.identity, medium.why, medium.named, spec.skin.normalise),
             spec.relight.model_dump(mode="json", exclude={"reuse"}),
             [part.model_dump(mode="json") for part in (spec.diffusion, spec.terms, spec.specular)],
@@ -82,7 +80,7 @@ class RelightStage(Stage[Transfer, Transfer]):
         return {
             r: d
             for r, d in digests.items()
-            if r in (*_READ, *self._inputs.skin_maps, "skin") or r.startswith("occluder.")
+            if r in (*LATER, *self._inputs.skin_maps, "skin") or r.startswith("occluder.")
         }
 
     def load(self) -> Transfer | None:
