@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ Image = NDArray[np.float32]
 SKIES, SOFT_BOXES, SUNS = 16, 16, 64
 SOFT_BOX_DEG = 10.0
 SKY_ROWS = 64
-SKY_SAMPLES, BOX_SAMPLES = 128, 36  # directions that the direct bake traces
+SKY_SAMPLES, BOX_SAMPLES = 64, 18  # directions that each of two direct bakes traces
 JUDGING, CHOOSING = 21, 22  # streams of a seed: lights that a basis is chosen by never judge it
 
 
@@ -35,6 +35,13 @@ class UnseenLight:
     kind: str
     light: DirectionalLight | EnvironmentLight
     radiance: Image | None = None
+
+    @property
+    def drawn_again(self) -> UnseenLight | None:
+        """The same sky by other directions; None of a sun, which has one."""
+        if self.radiance is None:
+            return None
+        return replace(self, light=self.light.model_copy(update={"name": f"{self.light.name}-again"}))
 
     def harmonics(self, order: int) -> Float:
         """Its products with harmonics, ((order + 1)^2, 3)."""
