@@ -10,6 +10,7 @@ from typing import Any
 from skinbake.atlas import FIRST_TILE, tiles_of
 from skinbake.baking.inputs_roles import DETAILED, OCCLUDERS, OF_MATERIALS
 from skinbake.baking.session import BakeSession
+from skinbake.baking.shared_blurs import BlurBase
 from skinbake.baking.stage_log import StageLog
 from skinbake.diffuse.planning.texture_size import TextureSize, at_size, choose_size, may_be_reduced
 from skinbake.errors import InputError
@@ -21,6 +22,7 @@ from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import FitReport, fit_skin
+from skinbake.profile.fit_onto import fit_onto
 from skinbake.profile.skin_albedo import PIGMENTS
 from skinbake.profile.varying_skin import Range, ranges_of
 from skinbake.scene.maps import OF_SKIN
@@ -72,11 +74,13 @@ class BakeInputs:
             self.key("mesh", *DETAILED, *self.skin_maps),
             (spec.diffusion.tolerance, spec.output.seed, spec.texturing.exponent_before),
             (spec.skin.model_dump(mode="json", exclude={"path"}), self.digests.get("skin")),
+            self.base and self.base.identity,
         )
         found = self._session.peek("texture_size", key)
         if found is None:
             scene = self.scene()
-            chosen = choose_size(spec, scene.mesh, scene.maps, self.fit.gaussians)
+            gaussians = self.base.gaussians if self.base else self.fit.gaussians
+            chosen = choose_size(spec, scene.mesh, scene.maps, gaussians)
             found = self._session.put("texture_size", key, chosen)
             if found.size != spec.texture.size and _layout_of_its_own(spec):
                 self._scene = None  # made at the other size
@@ -113,7 +117,15 @@ class BakeInputs:
     def fit(self) -> FitReport:
         """The skin's Gaussians, fitted: asked for only where they are not stored."""
         path = self.table_path
-        return fit_skin(self.spec.skin, read_profile_csv(path) if path else None, over=self.varying)
+        table = read_profile_csv(path) if path else None
+        if self.base:
+            return fit_onto(self.spec.skin, self.base.gaussians.variance_mm2, table)
+        return fit_skin(self.spec.skin, table, over=self.varying)
+
+    @property
+    def base(self) -> BlurBase | None:
+        """The skin whose blurs the look takes, where it does."""
+        return self._session.base
 
     def work_on(self, scene: SceneData) -> None:
         """Take a scene for that of the files: the same one in another form."""

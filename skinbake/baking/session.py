@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+from skinbake.baking.shared_blurs import BlurBase
 from skinbake.baking.stage_log import OnEvent, nobody
 from skinbake.io.cache import Cache
 
@@ -25,6 +26,8 @@ class BakeSession:
         Told when a stage begins and when it has ended.
     keep : bool
         Whether another look may follow that has use for this one's mesh and raster.
+    base : BlurBase, optional
+        Of a look that takes the blurs of another one.
     traced : list of str
         Lights whose irradiance was computed, neither read from a folder nor from the cache.
     """
@@ -32,10 +35,17 @@ class BakeSession:
     cache: Cache | None = None
     on_event: OnEvent = nobody
     keep: bool = True
+    base: BlurBase | None = None
     traced: list[str] = field(default_factory=list, init=False)
 
     @staticmethod
-    def of(folder: str | None, limit_bytes: int, on_event: OnEvent = nobody, keep: bool = True) -> BakeSession:
+    def of(
+        folder: str | None,
+        limit_bytes: int,
+        on_event: OnEvent = nobody,
+        keep: bool = True,
+        base: BlurBase | None = None,
+    ) -> BakeSession:
         """A session with a cache.
 
         Parameters
@@ -44,10 +54,10 @@ class BakeSession:
             Of the cache; none by default.
         limit_bytes : int
             Of the cache.
-        on_event, keep
+        on_event, keep, base
             As the attributes.
         """
-        return BakeSession(Cache(Path(folder), limit_bytes) if folder else None, on_event, keep)
+        return BakeSession(Cache(Path(folder), limit_bytes) if folder else None, on_event, keep, base)
 
     @property
     def figures(self) -> dict[str, int]:

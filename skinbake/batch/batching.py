@@ -7,16 +7,18 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
 import skinbake
+from skinbake.baking.shared_blurs import SharedBlurs
 from skinbake.batch.job import BakeJob, bake_job
 from skinbake.batch.process_pool import ProcessPool
 from skinbake.batch.progress import BatchProgress
+from skinbake.batch.same_but_skin import shared_among
 from skinbake.errors import InputError, SkinbakeError, printable
 from skinbake.export.after_bake import FOLDER
 from skinbake.export.web import NAME as PAGE
@@ -73,10 +75,16 @@ class Plan:
         """Jobs to bake."""
         return tuple(job for job in self.batch.jobs if job.wanted)
 
+    @cached_property
+    def blurs(self) -> dict[str, SharedBlurs]:
+        """Of each look that differs from an earlier one in its skin alone: whether it takes that one's blurs."""
+        return shared_among(self.batch.jobs, self.selected) if self.cache else {}
+
     def bake_job(self, job: BatchJob) -> BakeJob:
         """Order for the process that bakes this job."""
         cache = str(self.cache) if self.cache else None
-        return BakeJob(job.spec, self.force, self.preview, cache, self.cache_bytes, package_digest())
+        blurs = self.blurs.get(job.name)
+        return BakeJob(job.spec, self.force, self.preview, cache, self.cache_bytes, package_digest(), blurs)
 
 
 def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
@@ -215,12 +223,14 @@ def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
     lines, ok = [], True
     for job in plan.selected:
         order = plan.bake_job(job)
-        session = BakeSession.of(order.cache, order.cache_bytes)
+        session = BakeSession.of(order.cache, order.cache_bytes, base=order.base)
         try:
             stale = stale_stages(job.spec, plan.force, plan.preview, session)
             if job.spec.output.export and (stale or (why := stale_export(job.spec))):
                 stale["export"] = "after the bake" if stale else why
             text = "; ".join(f"{stage}: {why}" for stage, why in stale.items()) or "as it was"
+            if order.blurs:
+                text += f" ({order.blurs.why})" if order.blurs.base else f" (its own blurs: {order.blurs.why})"
         except SkinbakeError as error:
             text, ok = f"cannot be baked: {error}", False
         lines.append(f"{job.name:<28} {text}")

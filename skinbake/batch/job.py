@@ -6,10 +6,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skinbake.errors import ConfigError, InputError, MachineError, ToleranceMissedError
 from skinbake.scene.spec import SceneSpec
+
+if TYPE_CHECKING:
+    from skinbake.baking.shared_blurs import BlurBase, SharedBlurs
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,8 @@ class BakeJob:
         Digest of the code that gave the job; another process must have the same.
     advice : str
         What to do where it has not.
+    blurs : SharedBlurs, optional
+        Of a look that differs from an earlier one in its skin alone.
     """
 
     spec: SceneSpec
@@ -37,6 +42,12 @@ class BakeJob:
     cache_bytes: int
     code: str
     advice: str = "update it, or start the batch again"
+    blurs: SharedBlurs | None = None
+
+    @property
+    def base(self) -> BlurBase | None:
+        """The skin whose blurs the look takes, where it does."""
+        return self.blurs.base if self.blurs else None
 
 
 def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
@@ -63,7 +74,7 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
             stages[event["stage"]] = event["reused"]
         tell(event)
 
-    session = BakeSession.of(job.cache, job.cache_bytes, on_event)
+    session = BakeSession.of(job.cache, job.cache_bytes, on_event, base=job.base)
     status, fault = "done", None
     try:
         manifest = bake_and_export(job.spec, job.force, job.preview, verbosity=0, session=session)
@@ -85,7 +96,8 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
         "cache": session.figures,
         "peak_memory_mib": manifest["peak_memory_mib"],
         "measured": _measured(found) if "rms" in found else {},
-        "note": f"in all {found['left_wrong']:.2%}, blur {found['rms']:.2%}" if "rms" in found else _relit(manifest),
+        "note": "; ".join(filter(None, (_error(manifest), job.blurs.why if job.blurs and job.base else ""))),
+        "blurs": job.blurs and job.blurs.why,
         "preview": "preview.png" if (Path(job.spec.output.dir) / "preview.png").exists() else None,
     }
 
@@ -95,6 +107,9 @@ def _measured(error: dict[str, Any]) -> dict[str, Any]:
     return {"left_wrong": error["left_wrong"], "blur": {name: error[name] for name in ("rms", "p95", "max")}}
 
 
-def _relit(manifest: dict[str, Any]) -> str:
-    """What is said of a look whose lights a transfer shows; nothing of others."""
+def _error(manifest: dict[str, Any]) -> str:
+    """The error of a look; of one whose lights a transfer shows, what is said of that."""
+    found = manifest["error"] or {}
+    if "rms" in found:
+        return f"in all {found['left_wrong']:.2%}, blur {found['rms']:.2%}"
     return next((line["why"] for line in manifest["plan"] if line["term"] == "relight.reuse" and line["kept"]), "")

@@ -43,6 +43,7 @@ def diffuse(
     remember: Memoize | None = None,
     beam: BeamLight | None = None,
     skin: VaryingSkin | None = None,
+    plan_for: GaussianSum | None = None,
 ) -> DiffuseMap:
     """Blur light by each Gaussian and measure the error of the sum.
 
@@ -70,6 +71,8 @@ def diffuse(
         In place of `source` for wider lobes.
     skin : VaryingSkin, optional
         Where it is not the same everywhere.
+    plan_for : GaussianSum, optional
+        Of the same variances: what the first plan takes for the profile, which is then judged by `gaussians`.
 
     Returns
     -------
@@ -107,7 +110,8 @@ def diffuse(
     # Plan
     if fixed is None:
         tell("planning lobes")
-        plans, decisions = plan_auto(memoizer, gaussians, weights, seed, precision)
+        planned = SkinWeights.of(plan_for, SkinMaps()) if plan_for else weights
+        plans, decisions = plan_auto(memoizer, plan_for or gaussians, planned, seed, precision)
     else:
         plans, decisions = plan_fixed(memoizer.resources, fixed, gaussians)
 

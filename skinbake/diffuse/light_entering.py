@@ -6,7 +6,9 @@ face make of it begins here, light by light, so that each stays linear in its li
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +26,6 @@ from skinbake.diffuse.terms.beam import (
 )
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin
 from skinbake.diffuse.terms.interreflection import (
-    Receivers,
     add_at_full_size,
     bounced_light,
     decide_interreflection,
@@ -50,6 +51,14 @@ from skinbake.scene.spec import SceneSpec
 Image = NDArray[np.float32]
 
 
+class EnteredSkin(NamedTuple):
+    """What of a skin the light that enters it knows, as `light_entering` takes it."""
+
+    gaussians: GaussianSum
+    medium: SkinMedium
+    incidence: Incidence | None
+
+
 @dataclass(frozen=True)
 class LightEntering:
     """Light as the Gaussians blur it.
@@ -67,8 +76,6 @@ class LightEntering:
     slanted : frozenset of str
         Lights of the look that count by their incidence.
     plan : tuple of Decision
-    receivers : Receivers or None
-        How finely light from skin is taken, which all lights together decide; None without such light.
     curved : CurvedSkin, optional
         What curvature makes of the lobes, where that is counted.
     """
@@ -79,8 +86,19 @@ class LightEntering:
     mean_albedo: Float
     slanted: frozenset[str]
     plan: tuple[Decision, ...]
-    receivers: Receivers | None = None
     curved: CurvedSkin | None = None
+
+    def digests(self) -> dict[str, str]:
+        """Of each light by name: the same light gives the same lobes, whatever it was made of."""
+        found = {}
+        for i, name in enumerate(self.names):
+            digest = hashlib.sha256(repr(self.beam and self.beam.narrowest_mm2).encode())
+            for images in (self.rgb, self.beam.rgb if self.beam else {}):
+                for tile, rgb in images.items():
+                    digest.update(f"{tile} {rgb[i].shape}".encode())
+                    digest.update(np.ascontiguousarray(rgb[i]).data)
+            found[name] = digest.hexdigest()
+        return found
 
 
 def light_entering(
@@ -160,7 +178,7 @@ def light_entering(
     limits = [min(budget.terms_left(of, left_wrong(plan, (of,), 0.0)) for of in held[name]) for name in names]
     weights = SkinWeights.of(gaussians, scene.maps)
     reflected = [a * weights.total_image(r.tile, r.shape) for a, r in zip(albedo, atlas, strict=True)]
-    lines, taken = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
+    lines = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
     plan += lines
 
     area = [raster.area_mm2[..., None] for raster in atlas]
@@ -173,7 +191,7 @@ def light_entering(
     free_path = free_path_of(medium)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
     mean_albedo = total / sum(map(np.sum, area))
-    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), taken, curved)
+    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), curved)
 
 
 def _named(spec: SceneSpec, name: str) -> LightSpec:
@@ -303,7 +321,7 @@ def _bounce(
     reflected: list[Image],
     gain: dict[str, Image],
     limits: list[float],
-) -> tuple[list[Decision], Receivers | None]:
+) -> list[Decision]:
     """Add to each light what skin sends on to skin, where that is worth it, and say so and how coarsely.
 
     Parameters
@@ -323,13 +341,13 @@ def _bounce(
     """
     terms, udim = spec.terms, spec.texture.udim
     if terms.interreflection == "off":
-        return [Decision("interreflection", False, "off")], None
+        return [Decision("interreflection", False, "off")]
     again = [colour * np.mean(list(gain.values()), axis=0) for colour in reflected]
     lines, bounced = decide_interreflection(
         scene.mesh, scene.occluder, names, list(light.values()), again, atlas, udim, terms.interreflection, limits
     )
     if not any(line.enabled for line in lines):
-        return lines, None
+        return lines
     kept = [i for i, line in enumerate(lines) if line.enabled]
     taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
     for i in kept:
@@ -350,7 +368,7 @@ def _bounce(
         )
         for raster, small in zip(atlas, found.tiles, strict=True):
             add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
-    return lines, taken
+    return lines
 
 
 def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> Image:

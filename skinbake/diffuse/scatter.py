@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from math import sqrt
@@ -13,13 +13,13 @@ import numpy as np
 from skinbake.atlas import Atlas
 from skinbake.diffuse.diffuse import diffuse
 from skinbake.diffuse.diffuse_map import DiffuseMap
-from skinbake.diffuse.light_entering import light_entering
-from skinbake.diffuse.memoize import Memoize
+from skinbake.diffuse.light_entering import EnteredSkin, LightEntering, light_entering
+from skinbake.diffuse.memoize import Kind, Make, Values
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.beam import free_path_of
-from skinbake.diffuse.terms.interreflection import Receivers
+from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
@@ -35,6 +35,8 @@ from skinbake.scene.spec import SceneSpec
 
 WANTS_MORE = 0.03  # error of a fit from which on an eye may see it
 LIKELY_LOBES = 6  # before the profile is fitted
+# (kind of result, digest of each light by name, how to make those of some names) -> values by name
+Remember = Callable[[Kind, Mapping[str, str], Make], Mapping[str, Values]]
 
 
 def scatter(
@@ -47,7 +49,8 @@ def scatter(
     medium: SkinMedium,
     incidence: Incidence | None,
     say: Callable[[str], None] | None = None,
-    remember: Memoize | None = None,
+    remember: Remember | None = None,
+    base: EnteredSkin | None = None,
 ) -> DiffuseMap:
     """Lobes of the light that enters, times albedo^x (x = 1: pre-scatter texturing), and light through thin parts.
 
@@ -66,12 +69,17 @@ def scatter(
     say : callable, optional
         Told in words what begins.
     remember : callable, optional
-        As in `diffuse`.
+        As in `diffuse`, with a digest of the light behind each name.
+    base : EnteredSkin, optional
+        Another skin, of the same variances, whose light and plan this one takes: its blurs are then the other's.
     """
     tell = say or (lambda text: None)
     tell("light that enters the skin")
     skin = VaryingSkin.of(gaussians, scene.maps, atlas)
-    entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
+    entered = base or EnteredSkin(gaussians, medium, incidence)
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered)
+    if base is not None:
+        entering = _curved_as(entering, spec, decisions, scene, gaussians, medium)
     diffused = diffuse(
         entering.rgb,
         entering.names,
@@ -82,9 +90,10 @@ def scatter(
         seed=spec.output.seed,
         precision=spec.output.precision,
         progress=say,
-        remember=partial(_as_coarse, remember, entering.receivers) if remember else None,
+        remember=partial(_by_digest, remember, entering.digests()) if remember else None,
         beam=entering.beam,
         skin=skin,
+        plan_for=base and base.gaussians,
     )
     mean_albedo, plan, curved = entering.mean_albedo, entering.plan, entering.curved
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
@@ -127,11 +136,32 @@ def scatter(
     )
 
 
-def _as_coarse(
-    remember: Memoize, taken: Receivers | None, kind: tuple[Any, ...], names: tuple[str, ...], make: Callable[..., Any]
-) -> Any:
-    """What is known of lights to which skin sends light as coarsely: with other lights beside them that may differ."""
-    return remember((*kind, taken), names, make)
+def _by_digest(remember: Remember, digests: Mapping[str, str], kind: Kind, names: tuple[str, ...], make: Make) -> Any:
+    """What is known of the lights that these names stand for."""
+    return remember(kind, {name: digests[name] for name in names}, make)
+
+
+def _curved_as(
+    entering: LightEntering,
+    spec: SceneSpec,
+    decisions: Decisions,
+    scene: SceneData,
+    gaussians: GaussianSum,
+    medium: SkinMedium,
+) -> LightEntering:
+    """Light that enters a base, with what curvature makes of the lobes of the skin itself, and its line of the plan.
+
+    Parameters
+    ----------
+    entering, spec, decisions, scene, gaussians, medium
+        As of `scatter`.
+    """
+    terms = spec.terms
+    curved, line = curve_skin(
+        scene.mesh, spec.texture, gaussians, medium, terms.curvature, decisions.budget.negligible, terms.beam != "off"
+    )
+    plan = tuple(line if each.term == line.term else each for each in entering.plan)
+    return replace(entering, curved=curved, plan=plan)
 
 
 def _transmitted(spec: SceneSpec, slanted: frozenset[str], name: str) -> TransmittedLight:

@@ -109,6 +109,17 @@ def slant_rms(slant: Slant, light: LightSpec, sky: SkySlant | None = None) -> fl
     return float(np.sqrt((error**2).mean()))
 
 
+def slant_difference(one: Slant, other: Slant) -> float:
+    """How far two skins' factors are apart, as `slant_rms` sees them: of the worse of a lamp and of light from
+    everywhere.
+    """
+    cosine = np.linspace(0, 1, len(one.factor_rgb))[:, None]
+    apart = (one.factor_rgb - other.factor_rgb) * cosine
+    lamp = np.sqrt((apart**2).sum(axis=0) / ((other.factor_rgb * cosine) ** 2).sum(axis=0))
+    sky = np.abs(one.diffuse_rgb / other.diffuse_rgb - 1)
+    return float(max(lamp.max(), sky.max()))
+
+
 def decide_incidence(light: LightSpec, slant: Slant, sky: SkySlant | None, switch: str, negligible: float) -> Decision:
     """Whether the factors of the slant are worth it for a light.
 

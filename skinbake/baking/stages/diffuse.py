@@ -10,7 +10,9 @@ from skinbake.baking.incidence_table import incidence_table
 from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
-from skinbake.diffuse.scatter import scatter
+from skinbake.diffuse.light_entering import EnteredSkin
+from skinbake.diffuse.memoize import Kind, Make
+from skinbake.diffuse.scatter import Remember, scatter
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.lobes import as_stored_lobes
@@ -67,6 +69,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             [values.tolist() for values in (gaussians.variance_mm2, gaussians.weight_rgb, gaussians.energy_rgb)],
             gaussians.fit_error,
             gaussians.table and table_record(gaussians.table),
+            self._inputs.base and self._inputs.base.identity,
             self._inputs.key(*self._inputs.skin_maps),
             self._irradiance.identity,
             self._inputs.key("mesh"),
@@ -161,7 +164,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         """Every lobe; a light that the cache knows is not blurred again."""
         inputs = self._inputs
         gaussians, irradiance, medium = self._profile.result(), self._irradiance.result(), self._medium()
-        slanted = medium.layers and inputs.spec.terms.incidence != "off"
+        slanted_asked = inputs.spec.terms.incidence != "off"
         line = None
         if self._transfer is not None:
             left = inputs.decisions.budget.left
@@ -176,32 +179,36 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             irradiance,
             gaussians,
             medium,
-            incidence_table(medium, self._say) if slanted else None,
+            incidence_table(medium, self._say) if slanted_asked and medium.layers else None,
             say=self._say,
-            remember=self._memoize(self._irradiance.light_keys, self._entering(gaussians)),
+            remember=self._remember(),
+            base=self._base(slanted_asked),
         )
         return made if line is None else replace(made, plan=(*made.plan, line))
 
-    def _memoize(self, light_keys: Mapping[str, str] | None, entering: list[Any]) -> Any:
+    def _base(self, slanted: bool) -> EnteredSkin | None:
+        """The skin whose light and blurs the look takes, where it does."""
+        base = self._inputs.base
+        return base.entered(self._irradiance.light_keys is not None, slanted) if base else None
+
+    def _remember(self) -> Remember | None:
+        """What the cache knows of lights that enter; None where there is no use for it."""
         cache = self._results.cache
-        if cache is None or light_keys is None or not self._inputs.decisions.separate_lights:
+        if cache is None or self._irradiance.light_keys is None or not self._inputs.decisions.separate_lights:
             return None
 
-        def remember(kind: Any, names: tuple[str, ...], make: Any) -> Any:
-            keys = {name: self._blur_key(name, (light_keys[name], entering), kind) for name in names}
-            return cache.get_many(keys, make)
+        def remember(kind: Kind, lights: Mapping[str, str], make: Make) -> Any:
+            return cache.get_many({name: self._blur_key(light, kind) for name, light in lights.items()}, make)
 
         return remember
 
-    def _blur_key(self, name: str, light: tuple[str, list[Any]], kind: tuple[Any, ...]) -> str:
+    def _blur_key(self, light: str, kind: Kind) -> str:
         """Digest of one light's lobe, or its values at probes.
 
         Parameters
         ----------
-        name : str
-            Of the light, which says what of the tolerance is its own.
-        light : (str, list)
-            Its irradiance's key, and what the terms make of it.
+        light : str
+            Digest of the light that enters: whatever decided on it is in there.
         kind : tuple
             How it is blurred.
         """
@@ -210,8 +217,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             code_digest(__name__),
             self._inputs.key("mesh"),
             spec.diffusion.model_dump(mode="json", exclude={"probes"}),
-            (budget.blur, budget.negligible, budget.terms_left(name)),
-            self._albedo_before(),
+            budget.blur,
             self._sources(),
             light,
             kind,

@@ -36,7 +36,8 @@ class ProfileStage(Stage[FitReport, GaussianSum]):
         laid_out = inputs.spec.texture.udim or inputs.spec.texture.unwrap != "none"
         roles = (*inputs.skin_maps, *(("mesh",) if laid_out else ()))
         maps = inputs.key(*roles) if inputs.skin_maps else None
-        return key_of(code_digest(*CODE), written, inputs.digests.get("skin"), maps)
+        onto = inputs.base.gaussians.variance_mm2.tolist() if inputs.base else None
+        return key_of(code_digest(*CODE), written, inputs.digests.get("skin"), maps, onto)
 
     def load(self) -> GaussianSum | None:
         """The Gaussians of profile.json."""
