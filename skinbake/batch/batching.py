@@ -84,7 +84,7 @@ class Plan:
         """Order for the process that bakes this job."""
         cache = str(self.cache) if self.cache else None
         blurs = self.blurs.get(job.name)
-        return BakeJob(job.spec, self.force, self.preview, cache, self.cache_bytes, package_digest(), blurs)
+        return BakeJob(job.spec, self.force, self.preview, cache, self.cache_bytes, package_digest(), blurs=blurs)
 
 
 def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
