@@ -77,7 +77,7 @@ class Plan:
 
     @cached_property
     def blurs(self) -> dict[str, SharedBlurs]:
-        """Of each look that differs from an earlier one in its skin alone: whether it takes that one's blurs."""
+        """Whether each look that differs from an earlier one in its skin alone takes that one's blurs, by name."""
         return shared_among(self.batch.jobs, self.selected) if self.cache else {}
 
     def bake_job(self, job: BatchJob) -> BakeJob:

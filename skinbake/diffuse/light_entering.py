@@ -89,7 +89,7 @@ class LightEntering:
     curved: CurvedSkin | None = None
 
     def digests(self) -> dict[str, str]:
-        """Of each light by name: the same light gives the same lobes, whatever it was made of."""
+        """Digest of each light by name: the same light gives the same lobes, whatever it was made of."""
         found = {}
         for i, name in enumerate(self.names):
             digest = hashlib.sha256(repr(self.beam and self.beam.narrowest_mm2).encode())
