@@ -10,7 +10,7 @@ from skinbake.io.digests import key_of
 
 
 def shared_among(jobs: Sequence[BatchJob], wanted: Sequence[BatchJob]) -> dict[str, SharedBlurs]:
-    """Of the wanted looks that are like an earlier one but for their skin: whether they take its blurs, by name.
+    """Whether each wanted look that is like an earlier one but for its skin takes that one's blurs, by name.
 
     The first look of each kind is the base of the others, whether it is wanted or not: a look's lobes do not depend on
     what it is baked with. Equal skins need nothing.
