@@ -21,7 +21,7 @@ from skinbake.numerics import Float
 from skinbake.profile.weight_table import WeightTable
 from skinbake.relight.relit import Sun, light_coefficients, relit
 from skinbake.relight.transfer import Transfer
-from skinbake.scene.budget import left_wrong
+from skinbake.scene.budget import is_within, left_wrong
 from skinbake.scene.decision import Decision
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
@@ -144,7 +144,7 @@ class BakedSkin:
     def tolerance_met(self) -> bool:
         """Whether what is left wrong is within `diffusion.tolerance`; True where nothing was measured."""
         left = self.left_wrong
-        return left is None or left <= self.look.diffusion.tolerance
+        return left is None or is_within(left, self.look.diffusion.tolerance)
 
     @property
     def verdict(self) -> str:

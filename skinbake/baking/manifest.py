@@ -17,6 +17,7 @@ from skinbake.io.weight_table import KEY, table_record
 from skinbake.machine import peak_memory_mib
 from skinbake.pipeline import Baked
 from skinbake.relight.transfer import Transfer
+from skinbake.scene.budget import DIGITS
 from skinbake.scene.decision import kept_of_any_light
 
 
@@ -59,7 +60,7 @@ def _other_errors(inputs: BakeInputs, baked: Baked) -> dict[str, Any]:
     return {
         "fit": baked.gaussians.relative_error_rgb.tolist(),
         "texture_size": round(inputs.texture_size.lost, 6),
-        "left_wrong": round(baked.left_wrong or 0.0, 6),
+        "left_wrong": round(baked.left_wrong or 0.0, DIGITS),
     }
 
 

@@ -16,6 +16,7 @@ from skinbake.baking.inputs import BakeInputs
 from skinbake.io.output_names import PICTURE
 from skinbake.numerics import Float
 from skinbake.pipeline import Baked
+from skinbake.scene.budget import is_within
 from skinbake.scene.mesh import SkinMesh
 
 EDGE = 0.05  # of the height: top and bottom
@@ -56,7 +57,7 @@ def verdict(manifest: Mapping[str, Any]) -> str:
         return parts[0]
     if error.get("rms") is not None:
         wanted, rms, left = manifest["config"]["diffusion"]["tolerance"], error["rms"], error.get("left_wrong")
-        within = "within" if max(rms, left or 0.0) <= wanted else "beyond"
+        within = "within" if is_within(max(rms, left or 0.0), wanted) else "beyond"
         off = (
             f"off by {_percent(left)} in all, the blur by {_percent(rms)}"
             if left

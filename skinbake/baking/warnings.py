@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skinbake.atlas.report import UvReport, uv_report
-from skinbake.diffuse.scatter import WANTS_MORE
 from skinbake.irradiance.light_texels import DARK
-from skinbake.profile.fit import MAX_GAUSSIANS
+from skinbake.profile.fit import more_gaussians
 
 if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
@@ -67,14 +66,14 @@ def bake_warnings(
 
 def _few_gaussians(spec: SceneSpec, gaussians: GaussianSum) -> list[str]:
     """A sentence where skins that maps vary share too few Gaussians."""
-    table, count = gaussians.table, int(np.count_nonzero(gaussians.variance_mm2))
-    if table is None or table.worst[1] <= (spec.skin.fit.tolerance or WANTS_MORE) or count >= MAX_GAUSSIANS:
+    more = more_gaussians(gaussians, spec.skin.fit)
+    if gaussians.table is None or not gaussians.table.names or not more:
         return []
-    where, error = table.worst
+    count, (where, error) = np.count_nonzero(gaussians.variance_mm2), gaussians.table.worst
     node = ", ".join(f"{name} {value:.3g}" for name, value in where.items())
     return [
         f"the {count} Gaussians that the skins of your maps share are off by up to {error:.1%} (at {node}); "
-        f"skin.fit: {{gaussians: {min(count + 2, MAX_GAUSSIANS)}}} comes nearer"
+        f"skin.fit: {{gaussians: {more}}} comes nearer"
     ]
 
 

@@ -23,7 +23,7 @@ from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
 from skinbake.diffuse.terms.beam import BeamLight
 from skinbake.profile.gaussian_sum import GaussianSum
-from skinbake.scene.budget import FIT
+from skinbake.scene.budget import FIT, is_within
 from skinbake.scene.decision import Decision
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
@@ -121,7 +121,7 @@ def diffuse(
     made = make_lobes(memoizer, plans, weights, probes, precision, tell)
 
     # Where the probes show what the plan had not seen: plan with them, and judge by others
-    if fixed is None and made.error is not None and made.error.rms > spec.tolerance:
+    if fixed is None and made.error is not None and not is_within(made.error.rms, spec.tolerance):
         tell("planning again")
         first = made.error.rms
         del made
@@ -133,7 +133,7 @@ def diffuse(
 
     if spec.probes:
         decisions += [_fit(gaussians, made.blurs), *squeezed_skin(geometry)]
-    met = made.error is None or made.error.rms <= spec.tolerance
+    met = made.error is None or is_within(made.error.rms, spec.tolerance)
     return DiffuseMap(
         lights=lights,
         lobes=_lobes(memoizer.resources, plans, gaussians, made, exponents),

@@ -24,7 +24,7 @@ from skinbake.diffuse.terms.beam import (
     moved_share,
     narrowest_mm2,
 )
-from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin
+from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin, formed_already
 from skinbake.diffuse.terms.interreflection import (
     add_at_full_size,
     bounced_light,
@@ -143,10 +143,11 @@ def light_entering(
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     exponent = np.float32(spec.texturing.exponent_before)
     terms = spec.terms
-    curved, line = curve_skin(
-        scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible, terms.beam != "off"
-    )
+    beams = terms.beam != "off" and any(has_beam(light) for light in spec.lights)
+    curved, line = curve_skin(scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible, beams)
     shifts, shifted, lines = _decide_beam(spec, budget, scene, atlas, irradiance, gaussians, medium, curved)
+    if curved and not shifted and curved.spreads_beams_alone:
+        curved, line = None, formed_already(terms.curvature)
     plan += [*lines, line]
     light, further = {}, {}
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)

@@ -24,16 +24,15 @@ from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
-from skinbake.profile.fit import MAX_GAUSSIANS
+from skinbake.profile.fit import more_gaussians
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
 from skinbake.profile.weight_table import WeightTable
-from skinbake.scene.budget import left_wrong
+from skinbake.scene.budget import is_within, left_wrong
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import SceneSpec
 
-WANTS_MORE = 0.03  # error of a fit from which on an eye may see it
 LIKELY_LOBES = 6  # before the profile is fitted
 # (kind of result, digest of each light by name, how to make those of some names) -> values by name
 Remember = Callable[[Kind, Mapping[str, str], Make], Mapping[str, Values]]
@@ -123,10 +122,10 @@ def scatter(
     )
     lobes = curved.applied(diffused.lobes) if curved else diffused.lobes
     if gaussians.table is not None:
-        plan = (table_decision(gaussians.table, int(np.count_nonzero(gaussians.variance_mm2)), spec.skin), *plan)
+        plan = (table_decision(gaussians, gaussians.table, spec.skin), *plan)
     plan = (*plan, *diffused.plan, line)
     left = left_wrong((*before, *plan), lights, blur)
-    met = diffused.error is None or left <= budget.tolerance
+    met = diffused.error is None or is_within(left, budget.tolerance)
     return replace(
         diffused,
         lobes=lobes + ((through,) if through else ()),
@@ -171,14 +170,14 @@ def _transmitted(spec: SceneSpec, slanted: frozenset[str], name: str) -> Transmi
     return TransmittedLight(spec.lights[0] if len(spec.lights) == 1 else None, 2 * len(slanted) > len(spec.lights))
 
 
-def table_decision(table: WeightTable, count: int, skin: SkinSpec) -> Decision:
+def table_decision(gaussians: GaussianSum, table: WeightTable, skin: SkinSpec) -> Decision:
     """The plan's line on skin that varies: what varies it, and how near its Gaussians come to every profile of it.
 
     Parameters
     ----------
+    gaussians : GaussianSum
     table : WeightTable
-    count : int
-        Of Gaussians that have a width.
+        Theirs.
     skin : SkinSpec
     """
     parts = [f"{name} {nodes[0]:.3g} to {nodes[-1]:.3g}" for name, nodes in zip(table.names, table.nodes, strict=False)]
@@ -188,11 +187,12 @@ def table_decision(table: WeightTable, count: int, skin: SkinSpec) -> Decision:
     if table.names:
         where, error = table.worst
         node = ", ".join(f"{name} {value:.3g}" for name, value in where.items())
+        count = np.count_nonzero(gaussians.variance_mm2)
         why += (
             f"; its {count} Gaussians are off by at most {error:.2%} (at {node}; {table.between_rgb.max():.2%} between)"
         )
-        if error > (skin.fit.tolerance or WANTS_MORE):
-            why += f"; more of them come nearer: skin.fit: {{gaussians: {min(count + 2, MAX_GAUSSIANS)}}}"
+        if more := more_gaussians(gaussians, skin.fit):
+            why += f"; more of them come nearer: skin.fit: {{gaussians: {more}}}"
     return Decision("skin varies", True, why)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import NamedTuple
-from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +46,6 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
     return smooth, mapped
 
 
-_last: list[tuple[ref[SkinMesh], Float]] = []  # those of the last mesh: each stage asks again
-
-
 def corner_tangents(mesh: SkinMesh) -> Float:
     """Unit tangent at each corner, shape (F, 3, 3): the direction of growing u, orthogonal to the normal.
 
@@ -57,8 +53,11 @@ def corner_tangents(mesh: SkinMesh) -> Float:
     of the corner's normal, averaged over the faces that share vertex, UV, normal and handedness, weighted by the
     corner's angle in that plane. Tangents that the file brings go before.
     """
-    if _last and _last[0][0]() is mesh:
-        return _last[0][1]
+    return mesh.derived(_corner_tangents)
+
+
+def _corner_tangents(mesh: SkinMesh) -> Float:
+    """As `corner_tangents`, computed."""
     p, normal = mesh.corner_position_mm, mesh.corner_normal
 
     def laid(vectors: Float) -> Float:
@@ -77,7 +76,6 @@ def corner_tangents(mesh: SkinMesh) -> Float:
         summed = np.asarray(np.where(usable, given, summed), np.float64)
     tangents = laid(summed)
     tangents.setflags(write=False)
-    _last[:] = [(ref(mesh), tangents)]
     return tangents
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,6 +38,12 @@ class SceneData:
     building: Future[Occluder] | None = None
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    def lit_by(self, environments: Mapping[str, NDArray[np.float32]]) -> SceneData:
+        """The same skin under other skies, with the occluder that is there."""
+        ready: Future[Occluder] = Future()
+        ready.set_result(self.occluder)
+        return replace(self, environments=environments, building=ready)
 
     @cached_property
     def occluder(self) -> Occluder:

@@ -7,7 +7,7 @@ from typing import Any
 from skinbake.errors import InputError
 from skinbake.io.bake_folder import BakeFolder
 from skinbake.io.other_skins import other_skins
-from skinbake.preview.other_skin import skin_line, wants_bake, with_skin
+from skinbake.preview.other_skin import skin_line, with_skin
 
 
 def page_skins(bake: BakeFolder) -> list[dict[str, Any]]:
@@ -25,7 +25,7 @@ def page_skins(bake: BakeFolder) -> list[dict[str, Any]]:
         found.append(
             {
                 "name": skin.name,
-                "again": wants_bake(gaussians),
+                "again": gaussians.too_far_off(),
                 "line": skin_line(skin.name, gaussians),
                 "weights": [[_digits(w) for w in lobe.weight_rgb] for lobe in scene.lobes],
                 "total_weight": [_digits(w) for w in scene.total_weight_rgb],

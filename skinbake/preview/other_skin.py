@@ -12,8 +12,6 @@ from skinbake.numerics import Float
 from skinbake.preview.scene import PreviewScene
 from skinbake.profile.gaussian_sum import GaussianSum
 
-BAKE_AGAIN = 0.03  # error of a fit from which on a bake of that skin is wanted
-
 
 class OtherSkin(NamedTuple):
     """A skin that can be shown: its name, and what fits it to the lobes that are there."""
@@ -43,13 +41,8 @@ def with_skin(scene: PreviewScene, gaussians: GaussianSum) -> PreviewScene:
     return replace(scene, lobes=tuple(lobes), table=gaussians.table)
 
 
-def wants_bake(gaussians: GaussianSum) -> bool:
-    """Whether a fit is so far off that its skin should be baked."""
-    return float(gaussians.relative_error_rgb.max()) > BAKE_AGAIN
-
-
 def skin_line(name: str, gaussians: GaussianSum) -> str:
     """What is shown, how far its weights are from its profile, and whether it should be baked."""
     error = float(gaussians.relative_error_rgb.max())
-    wanted = "; bake again for this one" if wants_bake(gaussians) else ""
+    wanted = "; bake again for this one" if gaussians.too_far_off() else ""
     return f"skin {name}: its fit on these lobes is off by {error:.2%}{wanted}"

@@ -117,6 +117,21 @@ def _over_range(
     return FitReport(gaussians, profile, fit.tolerance, met)
 
 
+def more_gaussians(gaussians: GaussianSum, fit: FitSpec) -> int | None:
+    """How many Gaussians would come visibly nearer; None where those that there are come near enough, or are the most.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+    fit : FitSpec
+        Whose tolerance is asked, where it has one.
+    """
+    count = int(np.count_nonzero(gaussians.variance_mm2))
+    if count >= MAX_GAUSSIANS or not gaussians.too_far_off(fit.tolerance):
+        return None
+    return min(count + 2, MAX_GAUSSIANS)
+
+
 def fit_gaussians(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white") -> GaussianSum:
     """Sum of Gaussians nearest to a profile: `fit_report` without the report.
 

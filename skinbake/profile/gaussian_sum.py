@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from skinbake.numerics import Float, gaussian_2d
 from skinbake.profile.weight_table import WeightTable
 
+VISIBLE_ERROR = 0.03  # relative error of a fit from which on an eye may see it
+
 
 @dataclass(frozen=True)
 class GaussianSum:
@@ -22,7 +24,7 @@ class GaussianSum:
     weight_rgb : ndarray of shape (N, 3)
         Total diffuse reflectance per channel, or 1 when normalised to white.
     relative_error_rgb : ndarray of shape (3,)
-        r-weighted relative error of the fit against the model; 0 for a given sum.
+        r-weighted relative error of the fit against the model, the worst of a table; 0 for a given sum.
     energy_rgb : ndarray of shape (3,)
         Total diffuse reflectance of the model before any normalisation.
     model, normalise : str
@@ -58,6 +60,10 @@ class GaussianSum:
         """Share of what the blur does that the fit leaves wrong, of the worst channel."""
         error = self.relative_error_rgb if self.edge_error_rgb is None else self.edge_error_rgb
         return float(error.max(initial=0.0))
+
+    def too_far_off(self, tolerance: float | None = None) -> bool:
+        """Whether the fit, of skin that maps vary the worst, is off by more than `tolerance`, or than an eye sees."""
+        return float(self.relative_error_rgb.max(initial=0.0)) > (tolerance or VISIBLE_ERROR)
 
     def evaluate(self, radius_mm: ArrayLike) -> Float:
         """R(r), mm^-2, shape (len(radius_mm), 3); Gaussians of zero variance are deltas and left out."""

@@ -70,8 +70,7 @@ def baked_lights(bake: DirectBake, lights: Sequence[UnseenLight]) -> Tiles:
     """
     spec = bake.spec.model_copy(update={"lights": tuple(each.light for each in lights)})
     environments = {each.light.name: each.radiance for each in lights if each.radiance is not None}
-    scene = SceneData(bake.scene.mesh, bake.scene.maps, environments, notes=bake.scene.notes)
-    vars(scene)["occluder"] = bake.scene.occluder
+    scene = bake.scene.lit_by(environments)
     names = tuple(each.light.name for each in lights)
     decisions = Decisions(bake.decisions.energy_conservation, True, names, budget_of(spec))
     irradiance = light_texels(

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 # Parts of the square that the size leaves. A sky's directions get dearer soonest
 BLUR, SKY, TERMS = 1.5, 3.5, 1.0
 FIT = "fit"  # term of the plan
+DIGITS = 6  # of an error that bake.json holds
 NEGLIGIBLE = 0.02  # of the tolerance: below this not even what costs next to nothing is computed
 
 
@@ -90,6 +91,11 @@ def budget_of(spec: SceneSpec, lost: float = 0.0) -> Budget:
     sky = left * sqrt(SKY / whole) if skies else left
     # A method that is given is no choice: it is made as the whole tolerance wants it, and its error is what it is
     return Budget(spec.diffusion.tolerance, lost, left if fixed else left * sqrt(BLUR / whole), sky, skies)
+
+
+def is_within(wrong: float, tolerance: float) -> bool:
+    """Whether an error keeps a tolerance: to a millionth, as bake.json holds errors, so that all its readers agree."""
+    return round(wrong, DIGITS) <= tolerance
 
 
 def left_wrong(plan: Iterable[Decision], lights: Iterable[str], blur: float) -> float:

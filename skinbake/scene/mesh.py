@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.numerics import Float, normalized
 from skinbake.scene.casters import Casters
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,7 @@ class SkinMesh:
     part_material: tuple[int, ...] = ()
     casters: Casters | None = None
     notes: tuple[str, ...] = ()
+    _derived: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         n = len(self.faces)
@@ -68,6 +73,13 @@ class SkinMesh:
         ):
             if got != want:
                 raise ValueError(f"SkinMesh.{name}: expected shape {want}, got {got}")
+
+    def derived(self, make: Callable[[SkinMesh], T]) -> T:
+        """What a function makes of this mesh, made once: for what stages ask again that is not known to `scene`."""
+        if make not in self._derived:
+            self._derived[make] = make(self)
+        found: T = self._derived[make]
+        return found
 
     @cached_property
     def corner_position_mm(self) -> Float:

@@ -164,6 +164,16 @@ def test_even_light_is_not_moved_and_auto_says_so():
     assert not any(line.enabled for line in auto.plan)
 
 
+@pytest.mark.parametrize("lights", [[SKY], [sun(0.4)], [sun(0.4), SKY]], ids=["sky", "sun", "both"])
+def test_white_skin_is_curved_for_shifted_beams_alone(lights):
+    """A sky has none, nor has an even sun on a plane: then the plan does not say that something was done."""
+    for beam, shifted in (("auto", False), ("on", lights != [SKY]), ("off", False)):
+        got = entering(quad(), lights, {"beam": beam, "curvature": "on"})[0]
+        assert [line.enabled for line in got.plan if line.term == "curvature"] == [shifted]
+        assert (got.curved is not None) == (got.beam is not None) == shifted
+    assert "has the skin's own form in it" in str(got.plan)
+
+
 def test_what_a_beam_lights_stands_further_along():
     """Half of a plane lies in the shadow of a sheet: light is found one free path over eta further along it."""
     size, mu = (241, 240), 0.6

@@ -57,6 +57,16 @@ def test_a_baked_normal_map_comes_back():
     assert off_deg.max() < 0.05
 
 
+def test_tangents_of_a_mesh_are_made_once():
+    """And anew for a changed one; they are nobody's to change."""
+    mesh = quad()
+    found = corner_tangents(mesh)
+    assert corner_tangents(mesh) is found
+    assert corner_tangents(replace(mesh, corner_uv=1 - mesh.corner_uv)) is not found
+    with pytest.raises(ValueError, match="read-only"):
+        found[0] = 0
+
+
 def test_hard_edges_part_tangents():
     """Two faces that share a vertex and its UV, but not its normal, average nothing."""
     mesh = quad()

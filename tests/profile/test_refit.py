@@ -1,13 +1,17 @@
 """Another skin on Gaussians that are there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skinbake.errors import InputError
 from skinbake.io.config import load_named_skin, skin_names
 from skinbake.profile import fit_skin
+from skinbake.profile.fit import more_gaussians
 from skinbake.profile.refit import refit
 from skinbake.profile.varying_skin import Range
+from skinbake.scene.skin import FitSpec
 
 SKIN = load_named_skin("jensen-skin1")
 
@@ -35,6 +39,22 @@ def test_every_skin_that_comes_along_goes_on_another_s(name):
     np.testing.assert_allclose(found.weight_rgb.sum(axis=0), 1)
     alone = [refit(skin, variance[i : i + 1]).relative_error_rgb for i in range(len(variance))]
     assert (found.relative_error_rgb <= np.min(alone, axis=0) + 1e-9).all()
+
+
+def test_how_far_is_too_far_is_the_same_for_all():
+    """By an eye or the look's own tolerance; a table by its worst skin; more are advised while there can be more."""
+    fit = FitSpec()
+    one, six = (fit_skin(SKIN.model_copy(update={"fit": FitSpec(gaussians=n)})).gaussians for n in (1, 6))
+    assert one.too_far_off()
+    assert not six.too_far_off()
+    assert six.too_far_off(1e-6)
+    assert more_gaussians(one, fit) == 3
+    assert more_gaussians(six, fit) is None
+    assert more_gaussians(six, FitSpec(tolerance=1e-6)) == 8
+    table = fit_skin(SKIN.model_copy(update={"fit": FitSpec(gaussians=1)}), over={"radius": Range(0.5, 2, 1)}).gaussians
+    assert table.relative_error_rgb.max() == table.table.worst[1]
+    twelve = replace(six, variance_mm2=np.arange(1.0, 13), weight_rgb=np.full((12, 3), 1 / 12))
+    assert more_gaussians(twelve, FitSpec(tolerance=1e-6)) is None
 
 
 def test_what_does_not_go_is_said():

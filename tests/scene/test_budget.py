@@ -7,7 +7,7 @@ from math import hypot, sqrt
 import pytest
 
 from skinbake.errors import ConfigError
-from skinbake.scene.budget import budget_of, left_wrong
+from skinbake.scene.budget import budget_of, is_within, left_wrong
 from skinbake.scene.decision import Decision
 from skinbake.scene.parse import parse
 from skinbake.scene.spec import SceneSpec
@@ -60,6 +60,13 @@ def test_squares_add_up_for_the_light_that_is_worst_off():
     assert left_wrong(plan, ("sky",), 0.12) == pytest.approx(hypot(0.12, 0.03, 0.01, 0.02))
     assert left_wrong([*plan, Decision("total.interreflection", True, "", 0.12)], ("sun",), 0.0) == pytest.approx(0.13)
     assert left_wrong([], (), 0.2) == 0.2
+
+
+def test_what_bake_json_holds_decides():
+    """An error that is told as the tolerance is within it."""
+    assert is_within(0.02, 0.02)
+    assert is_within(0.0200004, 0.02)
+    assert not is_within(0.020001, 0.02)
 
 
 def test_the_tolerance_of_the_look_is_that_of_the_blur_s_section():

@@ -48,6 +48,11 @@ class CurvedSkin:
     gain: Float
     share: Float
 
+    @property
+    def spreads_beams_alone(self) -> bool:
+        """Whether no lobe changes by it, as of a white profile: there is nothing to it where no beam is shifted."""
+        return not self.share.any()
+
     def applied(self, lobes: Sequence[Lobe]) -> tuple[Lobe, ...]:
         """The lobes of the profile, each times what curvature makes of it."""
         found = []
@@ -93,7 +98,7 @@ def curve_skin(
         why = medium.why or "skin of several layers or wavelengths has no single depth at which light scatters"
         return None, Decision("curvature", False, f"{switch}: {why}")
     if gaussians.normalise == "white" and not beams:
-        return None, Decision("curvature", False, f"{switch}: a white profile has the skin's own form in it")
+        return None, formed_already(switch)
     (layer,) = medium.layers
     # Light that leaves has come from as far as the geometric mean of a free path and the diffusion length
     path_mm, decay = layer.medium.free_path_mm, layer.medium.sigma_tr_per_mm
@@ -123,6 +128,11 @@ def curve_skin(
     white = gaussians.normalise == "white"
     share = np.zeros_like(gaussians.weight_rgb) if white else curved_share(gaussians, layer.medium, layer.eta)
     return CurvedSkin(tiles, gain, share), line
+
+
+def formed_already(switch: str) -> Decision:
+    """The plan's line where curvature changes nothing: a white profile, and no light whose beams are shifted."""
+    return Decision("curvature", False, f"{switch}: a white profile has the skin's own form in it")
 
 
 @kernel
