@@ -1,5 +1,6 @@
 """The atlas: the point of the skin that each texel shows."""
 
+from skinbake.atlas.coarser import coarser_atlas, coarser_size
 from skinbake.atlas.interpolate import interpolate
 from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, mm_per_texel, uv_jacobian
 from skinbake.atlas.on_charts import on_charts
@@ -25,6 +26,8 @@ __all__ = [
     "Tiled",
     "Tiles",
     "UvReport",
+    "coarser_atlas",
+    "coarser_size",
     "corner_texels",
     "face_mm_per_texel",
     "first_fundamental_form",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, Tiles, face_mm_per_texel, rasterize
+from skinbake.atlas import Atlas, Tiles, coarser_atlas, coarser_size
 from skinbake.irradiance.environment_plan import all_around
 from skinbake.irradiance.environment_share import aim
 from skinbake.irradiance.occluder import Occluder
@@ -62,9 +62,7 @@ def small_size(spec: SceneSpec, scene: SceneData, size: tuple[int, int]) -> tupl
     scene : SceneData
     size : (width, height)
     """
-    texel_mm = float(np.median(face_mm_per_texel(scene.mesh, size).max(axis=1)))
-    coarse = max(1, min(round(TEXEL_MM / max(texel_mm, 1e-6)), min(size) // SMALLEST))
-    return max(1, -(-size[0] // coarse)), max(1, -(-size[1] // coarse))
+    return coarser_size(scene.mesh, size, TEXEL_MM, SMALLEST)
 
 
 def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], directions: int = DIRECTIONS) -> OpenSky:
@@ -79,9 +77,8 @@ def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], direction
         Of the small atlas.
     directions : int
     """
-    atlas = rasterize(
-        scene.mesh, size, max(2, spec.texture.gutter * size[0] // spec.texture.size[0]), spec.texture.udim
-    )
+    texture = spec.texture
+    atlas = coarser_atlas(scene.mesh, texture.size, texture.gutter, texture.udim, size)
     towards = all_around(directions).astype(np.float32)
     rows, normals, shares = {}, {}, {}
     for raster in atlas:

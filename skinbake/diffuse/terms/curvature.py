@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Tiles, face_mm_per_texel, interpolate, rasterize
+from skinbake.atlas import Tiles, coarser_atlas, coarser_size, interpolate
 from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.terms.mean_curvature import mean_curvature
@@ -119,10 +119,8 @@ def curve_skin(
     if not kept:
         return None, line
 
-    texel_mm = float(np.median(face_mm_per_texel(mesh, texture.size).max(axis=1)))
-    coarse = max(1, int(TEXEL_MM / max(texel_mm, 1e-6)))
-    small = (max(1, texture.size[0] // coarse), max(1, texture.size[1] // coarse))
-    atlas = rasterize(mesh, small, max(2, texture.gutter // coarse), texture.udim)
+    small = coarser_size(mesh, texture.size, TEXEL_MM)
+    atlas = coarser_atlas(mesh, texture.size, texture.gutter, texture.udim, small)
     tiles = {raster.tile: interpolate(raster, corner) for raster in atlas}
     # A white profile is what skin sends back of light from everywhere, its own form included, as albedo maps are
     white = gaussians.normalise == "white"

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, AtlasRaster, face_mm_per_texel, rasterize
+from skinbake.atlas import Atlas, AtlasRaster, coarser_atlas, coarser_size
 from skinbake.atlas.raster import NO_FACE
 from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits, skin_points
@@ -90,10 +90,7 @@ def look_around(
     rays : (int, int)
         From every texel; from those of which one of these meets skin.
     """
-    texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
-    coarse = max(1, round(receiver_mm / max(texel_mm, 1e-6)))
-    small = (max(1, -(-size[0] // coarse)), max(1, -(-size[1] // coarse)))
-    atlas = rasterize(mesh, small, max(2, gutter // coarse), udim)
+    atlas = coarser_atlas(mesh, size, gutter, udim, coarser_size(mesh, size, receiver_mm))
     parts = []
     for k, raster in enumerate(atlas):
         rows, cols = np.nonzero(raster.addressed)

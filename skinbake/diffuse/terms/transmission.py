@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from skinbake.atlas import (
     FIRST_TILE,
     AtlasRaster,
+    coarser_atlas,
     face_mm_per_texel,
     interpolate,
     local_uv,
-    rasterize,
     tile_of_face,
     tiles_of,
 )
@@ -129,7 +129,7 @@ class ThinParts(NamedTuple):
         small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
         occluder = occluder or Occluder(mesh)
         tiles = []
-        for raster in rasterize(mesh, small, max(2, gutter // coarse), udim):
+        for raster in coarser_atlas(mesh, size, gutter, udim, small):
             rows, cols = np.nonzero(raster.addressed)
             point, normal = skin_points(raster, mesh, occluder, rows, cols)
             near = np.flatnonzero(occluder.occluded(*inwards(occluder, point, normal), _reach(weights, len(rows))))
