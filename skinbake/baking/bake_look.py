@@ -9,7 +9,7 @@ from typing import Any
 
 from skinbake import pipeline
 from skinbake.baking.folder_bake import FolderBake, folder_bake
-from skinbake.baking.look_stages import refuse_spoilt_look
+from skinbake.baking.look_stages import put_aside, refuse_spoilt_look
 from skinbake.baking.manifest import finish_manifest, manifest_of
 from skinbake.baking.pace import STAGES, expected_seconds, keep_pace
 from skinbake.baking.preview_worker import PreviewWorker
@@ -20,6 +20,7 @@ from skinbake.baking.stages.preview import PreviewStage
 from skinbake.baking.stages.textures import TexturesStage
 from skinbake.baking.verdict import last_lines, marked, worst_place
 from skinbake.baking.warnings import EMPTY_PICTURE, bake_warnings
+from skinbake.machine import return_freed
 from skinbake.pipeline import Baked
 from skinbake.scene.spec import SceneSpec
 
@@ -100,10 +101,12 @@ def _bake_into_folder(
         preview = False
         log.say("  no lights yet, no picture")
     with results.open(preview), PreviewWorker() as worker:
+        put_aside(inputs, stages, results.spool)
         picture = PreviewStage(inputs, stages, results, worker, log)
         if preview:
             picture.prepare()
         baked = pipeline.bake(stages)
+        return_freed()
         warnings = bake_warnings(inputs, stages, baked, results.before, uv)
         worst = worst_place(inputs, baked, results.before)
         try:

@@ -33,6 +33,7 @@ from skinbake.io.output_names import FIT_FILES, MESH, PICTURE, PICTURE_KEY
 from skinbake.io.png import has_one_colour, write_png
 from skinbake.io.profile import read_gaussians, write_fit
 from skinbake.io.relight import TEXTURES, USE, VISIBILITY, read_use, transfer_of, write_transfer
+from skinbake.io.spool import Spool
 from skinbake.io.tx import is_current, tx_paths, write_tx
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import FitReport, GaussianSum
@@ -57,6 +58,8 @@ class FolderStore:
     folder : Path
     before : dict
         The manifest that was there when the folder was opened; nothing where there was none, or a damaged one.
+    spool : Spool
+        Keeps pixels in the folder until they are written.
     written : set of str
         Names of the files that hold this bake's results, written now or found as they are.
     """
@@ -66,6 +69,7 @@ class FolderStore:
         self.folder, self.force = Path(spec.output.dir), force
         self.cache = None if force else cache
         self._inputs, self._log, self._output, self._udim = inputs, log, spec.output, spec.texture.udim
+        self.spool = Spool(self.folder)
         self._background = Background()
         self._files = FolderFiles(self.folder)
         self.before: dict[str, Any] = self._files.read()
@@ -210,6 +214,7 @@ class FolderStore:
                 write_irradiance(
                     paths[tile.tile], tile, provenance.light_keys, header, precision, compression, self._output.layout
                 )
+                self.spool.rest()
 
         self._background.do(write)
 
@@ -246,7 +251,7 @@ class FolderStore:
         self._begin_texture(names, "lobe_", "transmission")
         header, output, udim = self._header(provenance), self._output, self._udim
         how = output.precision, output.compression, separate, udim, output.layout
-        self._background.do(lambda: write_lobes(self.folder, result, provenance.key, header, *how))
+        self._background.do(lambda: write_lobes(self.folder, result, provenance.key, header, *how, self.spool))
 
     # Light that comes later
 

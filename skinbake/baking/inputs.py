@@ -18,6 +18,7 @@ from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.fingerprint import input_hashes, input_stamps
 from skinbake.io.scene_files import read_scene
+from skinbake.io.spool import Spool
 from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.scene_data import SceneData
@@ -25,7 +26,7 @@ from skinbake.profile import FitReport, fit_skin
 from skinbake.profile.fit_onto import fit_onto
 from skinbake.profile.skin_albedo import PIGMENTS
 from skinbake.profile.varying_skin import Range, ranges_of
-from skinbake.scene.maps import OF_SKIN
+from skinbake.scene.maps import IMAGES, OF_SKIN
 from skinbake.scene.skin import PhysiologySkin
 from skinbake.scene.spec import OF_FILE, SceneSpec
 
@@ -126,6 +127,13 @@ class BakeInputs:
     def base(self) -> BlurBase | None:
         """The skin whose blurs the look takes, where it does."""
         return self._session.base
+
+    def put_aside(self, spool: Spool) -> None:
+        """Have the maps that were read stand in files while nobody reads them."""
+        if self._scene is not None and not self._session.keep:
+            maps = self._scene.maps
+            kept: dict[str, Any] = {name: spool.keep_all(getattr(maps, name)) for name in IMAGES}
+            self._scene = replace(self._scene, maps=replace(maps, **kept))
 
     def work_on(self, scene: SceneData) -> None:
         """Take a scene for that of the files: the same one in another form."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from skinbake.baking.folder_bake import folder_bake
-from skinbake.baking.look_stages import refuse_spoilt_look
+from skinbake.baking.look_stages import put_aside, refuse_spoilt_look
 from skinbake.baking.pace import expected_seconds
 from skinbake.scene.spec import SceneSpec
 
@@ -24,5 +24,6 @@ def light_look(spec: SceneSpec, force: bool = False, verbosity: int = 1) -> Path
     with bake.log.telling_of_compiling(), bake.log.whole("lighting", expected):
         refuse_spoilt_look(bake.inputs, stages)
         with bake.results.open():
+            put_aside(bake.inputs, stages, bake.results.spool)
             stages.irradiance.result()
     return bake.results.folder

@@ -13,6 +13,7 @@ from skinbake.baking.stages.profile import ProfileStage
 from skinbake.baking.stages.raster import RasterStage
 from skinbake.baking.stages.relight import RelightStage
 from skinbake.diffuse.scatter import refuse_too_large
+from skinbake.io.spool import Spool
 from skinbake.pipeline import Stages
 
 
@@ -44,6 +45,13 @@ def look_stages(
     reused = inputs.spec.relight is not None and inputs.spec.relight.reuse and given is None
     diffuse = DiffuseStage(inputs, profile, raster, irradiance, results, log, log.note, relight if reused else None)
     return Stages(inputs.decisions, profile, raster, irradiance, diffuse, None if reused else relight)
+
+
+def put_aside(inputs: BakeInputs, stages: Stages, spool: Spool) -> None:
+    """Have what was read and rasterised so far stand in files while no stage reads it."""
+    inputs.put_aside(spool)
+    if isinstance(stages.raster, RasterStage):
+        stages.raster.put_aside(spool)
 
 
 def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> UvReport | None:

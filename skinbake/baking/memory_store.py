@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
+from skinbake.io.spool import Spool
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import FitReport, GaussianSum
 from skinbake.relight.transfer import Transfer
@@ -17,7 +18,7 @@ from skinbake.relight.transfer import Transfer
 class MemoryStore:
     """A `ResultStore` in which nothing is ever found: stages hand their results on, and whoever asked keeps them."""
 
-    cache = None
+    cache, spool = None, Spool()
 
     def fit(self, key: str) -> GaussianSum | None:
         """Nothing."""

@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # stages import this, and their code keys must not hang on wh
     from skinbake.baking.provenance import Provenance
     from skinbake.diffuse import DiffuseMap
     from skinbake.io.cache import Cache
+    from skinbake.io.spool import Spool
     from skinbake.irradiance import IrradianceMap
     from skinbake.profile import FitReport, GaussianSum
     from skinbake.relight.transfer import Transfer
@@ -19,6 +20,10 @@ if TYPE_CHECKING:  # stages import this, and their code keys must not hang on wh
 
 class ResultStore(Protocol):
     """Results by the key of what they depend on. Reading gives None, or nothing, where there is none of that key."""
+
+    @property
+    def spool(self) -> Spool:
+        """Where results stand until they are written."""
 
     @property
     def cache(self) -> Cache | None:

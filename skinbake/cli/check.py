@@ -239,7 +239,7 @@ def expected(
     from skinbake.baking.pace import paced
     from skinbake.diffuse.methods import METHODS
     from skinbake.diffuse.planning.rules import stored_level
-    from skinbake.diffuse.terms.transmission import transmitted_level
+    from skinbake.diffuse.terms.thin_parts import transmitted_level
     from skinbake.io.mesh.unwrap import unwrap_seconds
     from skinbake.io.user_cache import user_cache
     from skinbake.relight.transfer import AT_ONCE, transfer_size

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from skinbake.atlas import Atlas, Tiles
 from skinbake.diffuse.area_sum import area_sum
+from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.draw_probes import VERIFY, VERIFY_AGAIN, draw_probes
-from skinbake.diffuse.make_lobes import MadeLobes, make_lobes
+from skinbake.diffuse.make_lobes import make_lobes
 from skinbake.diffuse.memoize import Memoize, Memoizer
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.methods import LobePlan, method_asked_for
@@ -22,6 +24,7 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
 from skinbake.diffuse.terms.beam import BeamLight
+from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.budget import FIT, is_within
 from skinbake.scene.decision import Decision
@@ -44,6 +47,7 @@ def diffuse(
     beam: BeamLight | None = None,
     skin: VaryingSkin | None = None,
     plan_for: GaussianSum | None = None,
+    aside: Aside = IN_MEMORY,
 ) -> DiffuseMap:
     """Blur light by each Gaussian and measure the error of the sum.
 
@@ -73,6 +77,8 @@ def diffuse(
         Where it is not the same everywhere.
     plan_for : GaussianSum, optional
         Of the same variances: what the first plan takes for the profile, which is then judged by `gaussians`.
+    aside : Aside, optional
+        Where lobes stand as soon as they are made and measured, and what they are made of while it is not read.
 
     Returns
     -------
@@ -100,11 +106,15 @@ def diffuse(
     geometry = SkinGeometry(atlas, mesh)
     weights = skin.weights if skin else SkinWeights.of(gaussians, SkinMaps())
     share = skin.share if skin else None
-    memoizer = Memoizer(LobeResources(scaled, geometry, spec, share), lights, remember)
+    memoizer = Memoizer(LobeResources(scaled, geometry, spec, share, aside), lights, remember)
     if beam is not None:
         further = scaled_by(checked_source(beam.rgb, lights, atlas), exponents)
         memoizer = Memoizer(
-            memoizer.resources, lights, remember, LobeResources(further, geometry, spec, share), beam.narrowest_mm2
+            memoizer.resources,
+            lights,
+            remember,
+            LobeResources(further, geometry, spec, share, aside),
+            beam.narrowest_mm2,
         )
 
     # Plan
@@ -118,7 +128,12 @@ def diffuse(
     # Make and measure
     tell("measuring points")
     probes = draw_probes(geometry, spec.probes, seed, VERIFY)
-    made = make_lobes(memoizer, plans, weights, probes, precision, tell)
+    arrives = area_sum(scaled, geometry.points)
+
+    def finish(number: int, tiles: Tiles) -> Lobe:
+        return aside.lobe(_lobe(plans[number], gaussians.weight_rgb[number], tiles, geometry, arrives, exponents))
+
+    made = make_lobes(memoizer, plans, weights, probes, precision, tell, finish)
 
     # Where the probes show what the plan had not seen: plan with them, and judge by others
     if fixed is None and made.error is not None and not is_within(made.error.rms, spec.tolerance):
@@ -127,7 +142,7 @@ def diffuse(
         del made
         plans, decisions = plan_auto(memoizer, gaussians, weights, seed, precision, probes)
         probes = draw_probes(geometry, spec.probes, seed, VERIFY_AGAIN)
-        made = make_lobes(memoizer, plans, weights, probes, precision, tell)
+        made = make_lobes(memoizer, plans, weights, probes, precision, tell, finish)
         why = f"the first plan was wrong by {first:.3%} at probes that it had not seen; judged by others again"
         decisions.append(Decision("second plan", True, why))
 
@@ -136,7 +151,7 @@ def diffuse(
     met = made.error is None or is_within(made.error.rms, spec.tolerance)
     return DiffuseMap(
         lights=lights,
-        lobes=_lobes(memoizer.resources, plans, gaussians, made, exponents),
+        lobes=tuple(replace(lobe, error=error) for lobe, error in zip(made.lobes, made.by_lobe, strict=True)),
         error=made.error,
         plan=tuple(decisions),
         tolerance_met=met,
@@ -161,29 +176,30 @@ def _fit(gaussians: GaussianSum, blurs: float) -> Decision:
     return Decision(FIT, True, why, fit * blurs, f"{len(gaussians.variance_mm2)} Gaussians")
 
 
-def _lobes(
-    resources: LobeResources,
-    plans: tuple[LobePlan, ...],
-    gaussians: GaussianSum,
-    made: MadeLobes,
-    exponents: list[int],
-) -> tuple[Lobe, ...]:
-    """Lobes in the light's own brightness, with what is known of each."""
-    geometry = resources.geometry
-    arrives = area_sum(resources.source, geometry.points)
-    lobes = []
-    for weight, plan, tiles, error in zip(gaussians.weight_rgb, plans, made.tiles, made.by_lobe, strict=True):
-        level = plan.parameters.level
-        leaves = area_sum(tiles, geometry.targets(level) if level else geometry.points)
-        total = np.divide(leaves, arrives, out=np.ones(3), where=arrives > 0)
-        lobes.append(
-            Lobe(
-                variance_mm2=plan.parameters.variance_mm2,
-                weight_rgb=(float(weight[0]), float(weight[1]), float(weight[2])),
-                method=plan.method.name,
-                rgb={tile: unscaled(rgb, exponents) for tile, rgb in tiles.items()},
-                error=error,
-                total_rgb=(float(total[0]), float(total[1]), float(total[2])),
-            )
-        )
-    return tuple(lobes)
+def _lobe(
+    plan: LobePlan, weight_rgb: Float, tiles: Tiles, geometry: SkinGeometry, arrives: Float, exponents: list[int]
+) -> Lobe:
+    """A lobe in the light's own brightness; its error is not yet known.
+
+    Parameters
+    ----------
+    plan : LobePlan
+    weight_rgb : ndarray of shape (3,)
+    tiles : Tiles
+        Its pixels, of scaled light.
+    geometry : SkinGeometry
+    arrives : ndarray of shape (3,)
+        Sum of the scaled light over the skin.
+    exponents : list of int
+        Of the divisors of each light.
+    """
+    level = plan.parameters.level
+    leaves = area_sum(tiles, geometry.targets(level) if level else geometry.points)
+    total = np.divide(leaves, arrives, out=np.ones(3), where=arrives > 0)
+    return Lobe(
+        variance_mm2=plan.parameters.variance_mm2,
+        weight_rgb=(float(weight_rgb[0]), float(weight_rgb[1]), float(weight_rgb[2])),
+        method=plan.method.name,
+        rgb={tile: unscaled(rgb, exponents) for tile, rgb in tiles.items()},
+        total_rgb=(float(total[0]), float(total[1]), float(total[2])),
+    )

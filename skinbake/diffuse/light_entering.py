@@ -166,9 +166,11 @@ def light_entering(
             if moved is not None and name in shifted:
                 image *= albedo[k] if exponent == 1 else albedo[k] ** exponent
                 moved[place] += shifts[k].read(_named(spec, name), image) - image
+            del image
         light[raster.tile] = out
         if moved is not None:
             further[raster.tile] = moved
+        del out, moved, normal  # large, and the terms that follow need room
     if not decisions.separate_lights:
         names = (TOTAL_LIGHT,)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,14 +18,16 @@ from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.texture_space.blur import level_size
 from skinbake.numerics import Float
 
+T = TypeVar("T")
 
-class MadeLobes(NamedTuple):
+
+class MadeLobes(NamedTuple, Generic[T]):
     """Lobes in the order of their plans, and their errors at the probes.
 
     Attributes
     ----------
-    tiles : list of Tiles
-        (L, h, w, 3) a tile.
+    lobes : list
+        What `finish` has made of each.
     error : MeasuredError, optional
         Of the weighted sum; None without probes.
     by_lobe : list of MeasuredError or None
@@ -36,7 +38,7 @@ class MadeLobes(NamedTuple):
         Rms at the probes of what the blur does, as a share of the light that leaves.
     """
 
-    tiles: list[Tiles]
+    lobes: list[T]
     error: MeasuredError | None
     by_lobe: list[MeasuredError | None]
     worst: int | None = None
@@ -50,7 +52,8 @@ def make_lobes(
     probes: Probes,
     precision: str,
     tell: Callable[[str], None],
-) -> MadeLobes:
+    finish: Callable[[int, Tiles], T],
+) -> MadeLobes[T]:
     """Every lobe; the error of their sum and of each, if there are probes.
 
     Parameters
@@ -66,6 +69,9 @@ def make_lobes(
         What the lobes will be written as.
     tell : callable
         Told in words what begins.
+    finish : callable
+        Takes the number of a lobe, and its pixels (L, h, w, 3) a tile, once they are measured: all lobes as floats
+        would be more than all that they are made of.
     """
     # What lobes share is larger than they are: those that need most come first, and what none needs any more is let go
     needs = [plan.method.needs(memoizer.resources, plan.parameters) for plan in plans]
@@ -74,26 +80,30 @@ def make_lobes(
     tell("measuring lobes exactly")
     variances = [plan.parameters.variance_mm2 for plan in plans] if len(probes) else []
     exact = [memoizer.at_probes(REFERENCE, LobeParameters(variance), probes) for variance in variances]
-    made: dict[int, Tiles] = {}
+    memoizer.resources.rest()
+    made: dict[int, T] = {}
     unreduced: dict[int, Float] = {}
     read: dict[int, Float] = {}
     for place, i in enumerate(order):
         memoizer.release(set(Resource).difference(*(needs[later] for later in order[place:])))
         method, parameters = plans[i].method, plans[i].parameters
         tell(f"lobe {i}: {method.name}")
-        made[i] = memoizer.map(method, parameters)
-        _check_size(method.name, made[i], memoizer.resources.source, parameters.level)
+        lobe = memoizer.map(method, parameters)
+        _check_size(method.name, lobe, memoizer.resources.source, parameters.level)
         if len(probes):
             tell(f"measuring lobe {i}")
             unreduced[i] = (
-                memoizer.at_probes(method, parameters, probes) if method.continuous else read_at_probes(made[i], probes)
+                memoizer.at_probes(method, parameters, probes) if method.continuous else read_at_probes(lobe, probes)
             )
-            read[i] = read_at_probes(made[i], probes, precision == "half")
+            read[i] = read_at_probes(lobe, probes, precision == "half")
+        memoizer.resources.rest()
+        made[i] = finish(i, lobe)
+        del lobe
         memoizer.release_lobe(parameters.variance_mm2)
 
-    tiles = [made[i] for i in range(len(plans))]
+    lobes = [made[i] for i in range(len(plans))]
     if not len(probes):
-        return MadeLobes(tiles, None, [None] * len(plans))
+        return MadeLobes(lobes, None, [None] * len(plans))
     found = [[values[i] for i in range(len(plans))] for values in (read, unreduced)]
     weight_rgb = weights.at_probes(probes)
     stored, unreduced_sum, want = (weighted_sum(values, weight_rgb) for values in (*found, exact))
@@ -101,7 +111,7 @@ def make_lobes(
     by_lobe: list[MeasuredError | None] = [measure_error(*each) for each in zip(*found, exact, strict=True)]
     arrived = light_at_probes(memoizer.resources.source, probes)
     blurs = relative_rms(weighted_sum([arrived] * len(plans), weight_rgb), want)
-    return MadeLobes(tiles, measure_error(stored, unreduced_sum, want), by_lobe, worst, blurs)
+    return MadeLobes(lobes, measure_error(stored, unreduced_sum, want), by_lobe, worst, blurs)
 
 
 def _check_size(name: str, made: Tiles, source: Tiles, level: int) -> None:

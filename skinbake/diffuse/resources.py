@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from enum import Enum
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Tiled, Tiles
+from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.on_demand import OnDemand
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.skin_geometry import SkinGeometry
@@ -48,21 +50,34 @@ class LobeResources:
     spec : DiffusionSpec
     share : Tiles, optional
         Share of each texel's light that scatters, (H, W) a tile: its weight as a source, theory.md 5.12.
+    aside : Aside, optional
+        Where they stand while they are not read.
     """
 
-    def __init__(self, source: Tiles, geometry: SkinGeometry, spec: DiffusionSpec, share: Tiles | None = None) -> None:
-        self.share = share
+    def __init__(
+        self,
+        source: Tiles,
+        geometry: SkinGeometry,
+        spec: DiffusionSpec,
+        share: Tiles | None = None,
+        aside: Aside = IN_MEMORY,
+    ) -> None:
+        self.share, self._aside = share, aside
         self.source, self.geometry, self.spec = source, geometry, spec
         self.lights = len(next(iter(source.values())))
         self.rule = SumRule(cut_sigma(spec.tolerance, spec.normalise), spec.separate, spec.normalise)
-        self.texels = OnDemand(lambda: source_tree(self.lit))
-        self.pyramids = OnDemand[Tiled[TexturePyramid]](lambda: texture_pyramids(self.source, self._coverage))
+        self.texels = OnDemand(self._every_texel)
+        self.pyramids = OnDemand(self._pyramids)
         self._clusters: dict[tuple[float, float], SourceTree] = {}
 
     def of_lights(self, chosen: Sequence[int]) -> LobeResources:
         """Resources of some of the lights, about the same geometry."""
         light = {tile: rgb[chosen] for tile, rgb in self.source.items()}
-        return LobeResources(light, self.geometry, self.spec, self.share)
+        return LobeResources(light, self.geometry, self.spec, self.share, self._aside)
+
+    def rest(self) -> None:
+        """Free the memory of what was read so far, where it is put aside: another step reads other parts."""
+        self._aside.rest()
 
     def release(self, unneeded: Collection[Resource]) -> None:
         """Free the memory of some resources; they are made again if they are asked for after all."""
@@ -75,13 +90,31 @@ class LobeResources:
         """Free the clusters of one lobe."""
         self._clusters = {key: tree for key, tree in self._clusters.items() if key[0] != variance_mm2}
 
+    def _every_texel(self) -> SourceTree:
+        return self._put_aside(source_tree(self.lit))
+
+    def _put_aside(self, tree: SourceTree) -> SourceTree:
+        tree = replace(tree, leaf=self._aside.array(tree.leaf))
+        self.rest()  # what it was made of
+        return tree
+
+    def _pyramids(self) -> Tiled[TexturePyramid]:
+        pyramids = texture_pyramids(self.source, self._coverage)
+        for pyramid in pyramids.values():
+            pyramid.levels[0] = self._aside.array(pyramid.levels[0])
+        return pyramids
+
     @cached_property
     def lit(self) -> Tiled[LitTile]:
         """Skin points, light and moments of each tile."""
         points = self.geometry.points
         if self.share is not None:
             points = {tile: each._replace(area_mm2=self._weighed(tile, each)) for tile, each in points.items()}
-        return surface_light(self.source, points)
+        found, array = surface_light(self.source, points), self._aside.array
+        for tile, lit in found.items():
+            blocks = lit.pyramid._replace(moments=array(lit.pyramid.moments), radiosity=array(lit.pyramid.radiosity))
+            found[tile] = lit._replace(pyramid=blocks)
+        return found
 
     def _weighed(self, tile: int, points: TexelPoints) -> NDArray[np.float32]:
         """Areas of a tile's points, times the share that scatters."""
@@ -123,7 +156,8 @@ class LobeResources:
             texels = sum(len(points.flat_index) for points in self.geometry.points.values())
             for other in [k for k, tree in self._clusters.items() if tree.count > LARGE_SHARE * texels]:
                 del self._clusters[other]
-            self._clusters[key] = source_tree(self.lit, spacing**2 / 12 * variance_mm2, variance_mm2)
+            tree = source_tree(self.lit, spacing**2 / 12 * variance_mm2, variance_mm2)
+            self._clusters[key] = self._put_aside(tree)
         return self._clusters[key]
 
     def interpolates(self, variance_mm2: float, level: int) -> bool:
@@ -194,7 +228,7 @@ class LobeResources:
 
     @cached_property
     def _bend(self) -> Tiled[NDArray[np.float32]]:
-        return {tile: bending(lit.pyramid) for tile, lit in self.lit.items()}
+        return {tile: self._aside.array(bending(lit.pyramid)) for tile, lit in self.lit.items()}
 
     @cached_property
     def _foreign_mm(self) -> Tiled[NDArray[np.float32]]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from skinbake.atlas import Atlas
+from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.diffuse import diffuse
 from skinbake.diffuse.diffuse_map import DiffuseMap
 from skinbake.diffuse.light_entering import EnteredSkin, LightEntering, light_entering
@@ -50,6 +51,7 @@ def scatter(
     say: Callable[[str], None] | None = None,
     remember: Remember | None = None,
     base: EnteredSkin | None = None,
+    aside: Aside = IN_MEMORY,
 ) -> DiffuseMap:
     """Lobes of the light that enters, times albedo^x (x = 1: pre-scatter texturing), and light through thin parts.
 
@@ -71,6 +73,8 @@ def scatter(
         As in `diffuse`, with a digest of the light behind each name.
     base : EnteredSkin, optional
         Another skin, of the same variances, whose light and plan this one takes: its blurs are then the other's.
+    aside : Aside, optional
+        Where lobes stand that are made, and what they are made of.
     """
     tell = say or (lambda text: None)
     tell("light that enters the skin")
@@ -79,8 +83,10 @@ def scatter(
     entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered)
     if base is not None:
         entering = _curved_as(entering, spec, decisions, scene, gaussians, medium)
+    aside.rest()
+    known = partial(_by_digest, remember, entering.digests()) if remember else None
     diffused = diffuse(
-        entering.rgb,
+        {tile: aside.array(entering.rgb.pop(tile)) for tile in list(entering.rgb)},
         entering.names,
         atlas,
         scene.mesh,
@@ -89,10 +95,12 @@ def scatter(
         seed=spec.output.seed,
         precision=spec.output.precision,
         progress=say,
-        remember=partial(_by_digest, remember, entering.digests()) if remember else None,
+        remember=known,
         beam=entering.beam,
         skin=skin,
         plan_for=base and base.gaussians,
+        # What curvature changes is not rounded before
+        aside=aside._replace(lobe=IN_MEMORY.lobe) if entering.curved else aside,
     )
     mean_albedo, plan, curved = entering.mean_albedo, entering.plan, entering.curved
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
@@ -119,7 +127,9 @@ def scatter(
         limit,
         through_by,
         uniform_scatter(gaussians, spec.skin),
+        rest=aside.rest,
     )
+    through = through and aside.lobe(through)
     lobes = curved.applied(diffused.lobes) if curved else diffused.lobes
     if gaussians.table is not None:
         plan = (table_decision(gaussians, gaussians.table, spec.skin), *plan)

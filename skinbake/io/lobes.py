@@ -18,6 +18,7 @@ from skinbake.io.exr import Part, channel_of, read_attributes, read_parts, rgb_c
 from skinbake.io.irradiance import LAYOUTS, LIGHT, TOTAL, tile_path
 from skinbake.io.output_names import is_output
 from skinbake.io.record import Record
+from skinbake.io.spool import Spool
 from skinbake.stored_precision import as_stored
 
 TRANSMISSION = "transmission"  # in files, in the place of a method
@@ -89,17 +90,28 @@ class StoredLobe(Lobe):
     total: dict[int, NDArray[np.floating]] = field(default_factory=dict)
 
 
-def as_stored_lobes(result: DiffuseMap, precision: str) -> DiffuseMap:
-    """Result with `StoredLobe`s. Takes the pixels out of `result`, lobe by lobe, lest all be in memory twice."""
-    lobes = []
-    for lobe in result.lobes:
-        rgb, total = {}, {}
-        for tile in list(lobe.rgb):
-            exact = lobe.rgb.pop(tile)
-            total[tile] = as_stored(exact.sum(axis=0, dtype=np.float32), precision)
-            rgb[tile] = as_stored(exact, precision)
-        lobes.append(StoredLobe(**vars(lobe) | {"rgb": rgb, "total": total}))
+def as_stored_lobes(result: DiffuseMap, precision: str, spool: Spool | None = None) -> DiffuseMap:
+    """Result with `StoredLobe`s only. Takes the pixels out of `result`, lobe by lobe, lest all be in memory twice."""
+    lobes = (each if isinstance(each, StoredLobe) else as_stored_lobe(each, precision, spool) for each in result.lobes)
     return replace(result, lobes=tuple(lobes))
+
+
+def as_stored_lobe(lobe: Lobe, precision: str, spool: Spool | None = None) -> StoredLobe:
+    """A lobe as its file will hold it. Takes the pixels out of `lobe`.
+
+    Parameters
+    ----------
+    lobe : Lobe
+    precision : "half" or "float"
+    spool : Spool, optional
+        Keeps the pixels until they are written.
+    """
+    keep, rgb, total = (spool or Spool()).keep, {}, {}
+    for tile in list(lobe.rgb):
+        exact = lobe.rgb.pop(tile)
+        total[tile] = keep(as_stored(exact.sum(axis=0, dtype=np.float32), precision))
+        rgb[tile] = keep(as_stored(exact, precision))
+    return StoredLobe(**vars(lobe) | {"rgb": rgb, "total": total})
 
 
 def write_lobes(
@@ -112,6 +124,7 @@ def write_lobes(
     separate: bool = True,
     udim: bool = False,
     layout: str = "multipart",
+    spool: Spool | None = None,
 ) -> None:
     """Write every lobe and tile; the first file's header holds the plan, so that a bake can be taken up from it.
 
@@ -132,6 +145,8 @@ def write_lobes(
         Whether there are tiles.
     layout : "multipart" or "single"
         A file a lobe, or a file a part.
+    spool : Spool, optional
+        Has the pixels.
 
     Raises
     ------
@@ -171,6 +186,8 @@ def write_lobes(
                 parts += [Part(LIGHT + n, rgb_channels(rgb[i])) for i, n in enumerate(result.lights)]
             path = tile_path(folder / names[index], tile, udim)
             LAYOUTS[layout](path, parts, header, precision, compression)
+            if spool is not None:
+                spool.rest()
 
 
 def read_summary(folder: Path, key: str, tiles: tuple[int, ...], udim: bool) -> DiffuseMap | None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from skinbake.numerics import safe_div
 
 LEVELS = 6  # the last texel stands for 32 x 32: beyond that, most are mixed with those of other charts
+_BAND = 64  # rows; even
 
 
 def normal_levels(normal: NDArray[np.floating], strength: float, space: str) -> list[NDArray[np.floating]]:
@@ -30,20 +31,38 @@ def normal_levels(normal: NDArray[np.floating], strength: float, space: str) -> 
     """
     levels = [np.concatenate([normal, np.zeros_like(normal[..., :1])], axis=2)]
     bend = np.array([strength, strength, 1.0] if space == "tangent" else [1.0, 1.0, 1.0], np.float32)
-    unit = normal.astype(np.float32) * bend
-    if space == "tangent":  # one that points into the skin leaves it smooth
-        unit = np.where(unit[..., 2:] > 0, unit, np.array([0, 0, 1], np.float32))
-    length = np.linalg.norm(unit, axis=2, keepdims=True)
-    # The last channel: whether there is a normal
-    sums = np.concatenate([safe_div(unit, length), length > 0], axis=2).astype(np.float32)
-    while len(levels) < LEVELS and max(sums.shape[:2]) > 1:
-        sums = _halved(sums)
+    if max(normal.shape[:2]) == 1:
+        return levels
+    # The first level some rows at a time: as floats the map would be many times as large
+    last = max(2 * (len(normal) // 2), 1)
+    bands = (normal[row : min(row + _BAND, last)] for row in range(0, last, _BAND))
+    sums = np.concatenate([_halved(_units(band, bend, space)) for band in bands])
+    while True:
         mean = safe_div(sums[..., :3], sums[..., 3:])
         kept = np.linalg.norm(mean, axis=2, keepdims=True)
         varied = np.maximum(2 * safe_div(1 - kept, kept), 0)
         level = np.concatenate([safe_div(mean, bend), np.minimum(varied, 1)], axis=2)
         levels.append(level.astype(normal.dtype))
-    return levels
+        if len(levels) == LEVELS or max(sums.shape[:2]) == 1:
+            return levels
+        sums = _halved(sums)
+
+
+def _units(normal: NDArray[np.floating], bend: NDArray[np.float32], space: str) -> NDArray[np.float32]:
+    """Unit normals of a map and, last, whether there is one, (h, w, 4).
+
+    Parameters
+    ----------
+    normal : ndarray of shape (h, w, 3)
+    bend : ndarray of shape (3,)
+        Factor on its components.
+    space : "tangent" or "object"
+    """
+    unit = normal.astype(np.float32) * bend
+    if space == "tangent":  # one that points into the skin leaves it smooth
+        unit = np.where(unit[..., 2:] > 0, unit, np.array([0, 0, 1], np.float32))
+    length = np.linalg.norm(unit, axis=2, keepdims=True)
+    return np.concatenate([safe_div(unit, length), length > 0], axis=2).astype(np.float32)
 
 
 def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -31,7 +31,8 @@ from skinbake.diffuse.terms.interreflection import (
     look_around,
     receivers,
 )
-from skinbake.diffuse.terms.transmission import ThinParts, transmit
+from skinbake.diffuse.terms.thin_parts import ThinParts
+from skinbake.diffuse.terms.transmission import transmit
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
 from skinbake.kernels.threads import on_threads
@@ -184,10 +185,12 @@ class Scattering:
                 self._plans = plan_auto(memoizer, gaussians, self._weights, seed, precision)[0]
             else:
                 self._plans = plan_fixed(memoizer.resources, fixed, gaussians)[0]
-        made = make_lobes(memoizer, self._plans, self._weights, self._no_probes, precision, self._say)
+        made = make_lobes(
+            memoizer, self._plans, self._weights, self._no_probes, precision, self._say, lambda _, tiles: tiles
+        )
         lobes = [
             Lobe(plan.parameters.variance_mm2, (float(w[0]), float(w[1]), float(w[2])), plan.method.name, tiles)
-            for plan, w, tiles in zip(self._plans, gaussians.weight_rgb, made.tiles, strict=True)
+            for plan, w, tiles in zip(self._plans, gaussians.weight_rgb, made.lobes, strict=True)
         ]
         return DiffuseMap(names, tuple(lobes), None)
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from skinbake.baking.incidence_table import incidence_table
 from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
+from skinbake.diffuse.aside import Aside
 from skinbake.diffuse.light_entering import EnteredSkin
 from skinbake.diffuse.memoize import Kind, Make
 from skinbake.diffuse.scatter import Remember, scatter
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
-from skinbake.io.lobes import as_stored_lobes
+from skinbake.io.lobes import as_stored_lobe, as_stored_lobes
 from skinbake.io.weight_table import table_record
 from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
@@ -164,6 +166,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         """Every lobe; a light that the cache knows is not blurred again."""
         inputs = self._inputs
         gaussians, irradiance, medium = self._profile.result(), self._irradiance.result(), self._medium()
+        spool = self._results.spool
         slanted_asked = inputs.spec.terms.incidence != "off"
         line = None
         if self._transfer is not None:
@@ -183,6 +186,9 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             say=self._say,
             remember=self._remember(),
             base=self._base(slanted_asked),
+            aside=Aside(
+                partial(as_stored_lobe, precision=inputs.spec.output.precision, spool=spool), spool.keep, spool.rest
+            ),
         )
         return made if line is None else replace(made, plan=(*made.plan, line))
 
@@ -225,7 +231,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
 
     def store(self, made: DiffuseMap) -> DiffuseMap:
         """Round the lobes as their files hold them, and keep them."""
-        result = as_stored_lobes(made, self._inputs.spec.output.precision)
+        result = as_stored_lobes(made, self._inputs.spec.output.precision, self._results.spool)
         self._results.keep_lobes(result, Provenance(self.key(), self.inputs_read))
         return result
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -117,6 +118,8 @@ class IrradianceStage(Stage[Maps, Maps]):
 
     def store(self, made: Maps) -> Maps:
         """Keep the irradiance; computed values are rounded already."""
+        keep = self._results.spool.keep
+        made = tuple(replace(tile, rgb=keep(tile.rgb), visibility=keep(tile.visibility)) for tile in made)
         self._results.keep_irradiance(made, Provenance(self.key(), self.inputs_read, self.light_keys))
         return made
 

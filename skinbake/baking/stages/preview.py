@@ -65,6 +65,7 @@ class PreviewStage(Stage[Pixels, bool]):
         scene = scene_of(inputs.spec, inputs.decisions, inputs.scene(), irradiance, lobes, table)
         inputs.close()  # mesh, maps and raster: a quarter of a gigabyte that nothing yet to come has use for
         self._stages.raster.close()
+        self._results.spool.rest()
         return self._worker.draw(scene, inputs.spec.preview)
 
     def store(self, made: Pixels) -> bool:

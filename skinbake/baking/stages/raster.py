@@ -19,7 +19,11 @@ if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
     from skinbake.baking.result_store import ResultStore
     from skinbake.baking.session import BakeSession
+    from skinbake.io.spool import Spool
     from skinbake.pipeline import StageTimer
+
+
+_ARRAYS = tuple(field.name for field in fields(AtlasRaster) if field.name != "tile")
 
 
 class RasterStage(Stage[Atlas, Atlas]):
@@ -59,6 +63,11 @@ class RasterStage(Stage[Atlas, Atlas]):
         """Keep the raster for the process's next look."""
         return self._session.put("atlas", self.key(), made)
 
+    def put_aside(self, spool: Spool) -> None:
+        """Have the raster, if it is there, stand in files while nobody reads it."""
+        if self._result is not None and not self._session.keep:
+            self._result = _of_arrays({name: spool.keep(array) for name, array in _as_arrays(self._result).items()})
+
     def stale(self) -> str:
         """Only asked for by stages that would run."""
         return ""
@@ -66,8 +75,7 @@ class RasterStage(Stage[Atlas, Atlas]):
 
 def _as_arrays(atlas: Atlas) -> dict[str, NDArray[Any]]:
     """Every array of every tile, by `tile.field`."""
-    names = [field.name for field in fields(AtlasRaster) if field.name != "tile"]
-    return {f"{raster.tile}.{name}": getattr(raster, name) for raster in atlas for name in names}
+    return {f"{raster.tile}.{name}": getattr(raster, name) for raster in atlas for name in _ARRAYS}
 
 
 def _of_arrays(entry: Mapping[str, NDArray[np.generic]]) -> Atlas:

@@ -41,13 +41,14 @@ class Hybrid(DiffusionMethod):
     def map(self, resources: LobeResources, lobe: LobeParameters) -> Tiles:
         """The blur, then sums where it is predicted to be wrong, light by light."""
         variance, level = lobe.variance_mm2, lobe.level
-        sources, texels2 = resources.sources(variance, lobe.spacing), resources.geometry.variance_texels2(variance)
-        tiles = {}
+        texels2, tiles = resources.geometry.variance_texels2(variance), {}
         for tile, pyramid in resources.pyramids.get().items():
             points = resources.geometry.targets(level)[tile]
             mass = np.empty(points.row.shape, np.float32)
             image = texture_blur(pyramid, texels2, level, resources.source[tile] if level == 0 else None, mass)
             share = resources.predictor(tile, level).share_of_sums(variance, lobe.threshold, image, mass)
+            resources.rest()
+            sources = resources.sources(variance, lobe.spacing)
             for i in range(resources.lights):
                 gather(points, sources, variance, resources.rule, image[i].reshape(1, -1, 3), i, share[i])
             tiles[tile] = image

@@ -83,6 +83,7 @@ def plan_auto(
 
     # What each lobe should be at the probes, and what each candidate makes of it
     exact = [memoizer.at_probes(REFERENCE, LobeParameters(float(v)), probes) for v in gaussians.variance_mm2]
+    resources.rest()
     options = [
         _candidates(memoizer, float(v), probes, want, precision == "half")
         for v, want in zip(gaussians.variance_mm2, exact, strict=True)
@@ -121,12 +122,14 @@ def _candidates(memoizer: Memoizer, variance: float, probes: Probes, exact: Floa
             if each.misses_unseen:
                 cost += risk_cost(resources)
             found.append(Candidate(each, parameters, cost, read, judge.rms(read - exact), tried))
+    resources.rest()
     return sorted(found, key=lambda candidate: candidate.parameters.level)
 
 
 def _tried(memoizer: Memoizer, probes: Probes, exact: Float, lobe: Candidate) -> Candidate:
     """A candidate with what its sums read at the probes."""
     read = memoizer.read_stored(lobe.method, lobe.parameters, probes)
+    memoizer.resources.rest()
     return replace(lobe, read=read, error=Judge(exact, probes.weight, len(probes)).rms(read - exact), tried=True)
 
 

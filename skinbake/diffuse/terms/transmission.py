@@ -8,8 +8,7 @@ lights, soft ones included.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +17,6 @@ from numpy.typing import NDArray
 from skinbake.atlas import (
     FIRST_TILE,
     AtlasRaster,
-    coarser_atlas,
-    face_mm_per_texel,
     interpolate,
     local_uv,
     tile_of_face,
@@ -28,13 +25,13 @@ from skinbake.atlas import (
 from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
-from skinbake.diffuse.terms.far_side import FarSide, far_side, inwards, slant_factors
-from skinbake.diffuse.terms.skin_hits import skin_points
-from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
+from skinbake.diffuse.terms.far_side import FarSide, slant_factors
+from skinbake.diffuse.terms.slab_weights import SlabWeights
+from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float, safe_div
+from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.lights import LightSpec
@@ -42,7 +39,6 @@ from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
-TEXEL_MM = 0.4  # transmitted light is smooth: no finer texels than these are computed or stored
 SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
 SEEN_SHARE = 0.001  # of the skin: `auto` looks at the brightest part of that size
 WORTH = 5.0  # tolerances of the mean radiance that part must reach
@@ -63,81 +59,6 @@ class TransmittedLight(NamedTuple):
     counted: bool
 
 
-class _ThinTile(NamedTuple):
-    """Texels of a tile that have a far side.
-
-    Attributes
-    ----------
-    raster : AtlasRaster
-        Of the size that transmitted light is computed at.
-    rows, cols : ndarrays of shape (n,)
-    far : FarSide
-        Of these texels.
-    """
-
-    raster: AtlasRaster
-    rows: Index
-    cols: Index
-    far: FarSide
-
-
-class ThinParts(NamedTuple):
-    """What lies behind each texel: traced once, good for any light.
-
-    Attributes
-    ----------
-    weights : SlabWeights
-    gaussians : GaussianSum
-        Of what scatters.
-    tiles : tuple of _ThinTile
-    centre_mm : ndarray of shape (3,)
-        About which the points of `tiles` lie.
-    """
-
-    weights: SlabWeights
-    gaussians: GaussianSum
-    tiles: tuple[_ThinTile, ...]
-    centre_mm: Float
-
-    @classmethod
-    def of(
-        cls,
-        mesh: SkinMesh,
-        gaussians: GaussianSum,
-        size: tuple[int, int],
-        gutter: int,
-        udim: bool,
-        albedo_rgb: Float,
-        occluder: Occluder | None = None,
-        medium: SkinMedium | None = None,
-        scatter: float = 1.0,
-    ) -> ThinParts:
-        """Trace inwards from the texels of a texture.
-
-        Parameters
-        ----------
-        mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter
-            As of `transmit`.
-        """
-        reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
-        if scatter < 1 or (gaussians.table is not None and gaussians.table.scatters):
-            weights, gaussians = _of_what_scatters(gaussians, reflectance, medium)
-        else:
-            weights = slab_weights(gaussians, reflectance, medium)
-        texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
-        coarse = 1 << transmitted_level(texel_mm)
-        small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
-        occluder = occluder or Occluder(mesh)
-        tiles = []
-        for raster in coarser_atlas(mesh, size, gutter, udim, small):
-            rows, cols = np.nonzero(raster.addressed)
-            point, normal = skin_points(raster, mesh, occluder, rows, cols)
-            near = np.flatnonzero(occluder.occluded(*inwards(occluder, point, normal), _reach(weights, len(rows))))
-            far = far_side(occluder, mesh, point[near], normal[near])
-            tiles.append(_ThinTile(raster, rows[near], cols[near], far))
-        return cls(weights, gaussians, tuple(tiles), occluder.centre_mm)
-
-
 def transmit(
     diffused: DiffuseMap,
     mesh: SkinMesh,
@@ -154,6 +75,7 @@ def transmit(
     lights: Mapping[str, TransmittedLight] | None = None,
     scatter: float = 1.0,
     thin: ThinParts | None = None,
+    rest: Callable[[], None] = lambda: None,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe, and the plan's line on it.
 
@@ -181,6 +103,8 @@ def transmit(
         Weight of the lobe: share of the light that scatters.
     thin : ThinParts, optional
         What `ThinParts.of` made of the same skin on the same texture.
+    rest : callable, optional
+        Frees the memory of each lobe that was read.
 
     References
     ----------
@@ -194,45 +118,18 @@ def transmit(
     of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
     rgb, through, reflected = {}, [], []
     for raster, rows, cols, far in thin.tiles:
-        slants = (slant_factors(weights, far, *light, thin.centre_mm) for light in of_names)
-        by_lobe = _ByLobe(_at(weights, weights.weight_rgb, far), _at(weights, carried, far), np.stack(list(slants)))
-        across = _gather(diffused, mesh, udim, far.face, far.uv, by_lobe)
+        factor = np.stack([slant_factors(weights, far, *light, thin.centre_mm) for light in of_names])
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
-        image[:, rows, cols] = np.maximum(across, 0)
+        image[:, rows, cols] = np.maximum(_across(diffused, mesh, udim, weights, carried, far, factor, rest), 0)
         rgb[raster.tile] = image
         through.append((image[:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
-        reflected.append(_reflected(diffused, mesh, udim, gaussians, raster))
+        reflected.append(_reflected(diffused, mesh, udim, gaussians, raster, rest))
     rms, peak = _contribution(*_joined(through), *_joined(reflected), sum(float(r.area_mm2.sum()) for r in atlas))
     kept = switch == "on" or peak > WORTH * tolerance or rms > limit
     found = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
     why = f"{switch}: through thin parts {found}, worth it from {WORTH * tolerance:.1%} (rms {limit:.2%})"
     lobe = Lobe(float(gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb) if kept else None
     return lobe, Decision("transmission", kept, why, 0.0 if kept else rms)
-
-
-def _of_what_scatters(
-    gaussians: GaussianSum, reflectance: Float, medium: SkinMedium | None
-) -> tuple[SlabWeights, GaussianSum]:
-    """Weights of a slab whose first Gaussian, of no width, is light that never entered; and the sum without that."""
-    scattered = gaussians.weight_rgb[1:]
-    whole = safe_div(scattered, scattered.sum(axis=0)) * gaussians.weight_rgb.sum(axis=0)
-    inside = replace(gaussians, variance_mm2=gaussians.variance_mm2[1:], weight_rgb=whole, table=None)
-    slab = slab_weights(inside, reflectance, medium)
-    padded = np.concatenate([np.zeros_like(slab.weight_rgb[:, :1]), slab.weight_rgb], axis=1)
-    none = np.zeros((1, 3))
-    return replace(slab, weight_rgb=padded), replace(gaussians, weight_rgb=np.concatenate([none, whole]))
-
-
-def transmitted_level(texel_mm: float) -> int:
-    """How often a texture is halved for transmitted light, from the length of a texel of the full size."""
-    return int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0))))
-
-
-def _reach(weights: SlabWeights, rays: int) -> Image:
-    """Thickness beyond which all is dark, for each ray."""
-    lit = np.flatnonzero(np.abs(weights.weight_rgb).sum(axis=1).max(axis=1) >= DARK)
-    last = min(int(lit.max(initial=-1)) + 1, len(weights.thickness_mm) - 1)
-    return np.full(rays, weights.thickness_mm[last], np.float32)
 
 
 def _carried_already(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> Float:
@@ -245,53 +142,46 @@ def _carried_already(weights: SlabWeights, diffused: DiffuseMap, gaussians: Gaus
     return carried
 
 
-def _at(weights: SlabWeights, table: Float, far: FarSide) -> Image:
-    """Weights of the lobes for each ray, (n, N, 3); linear in the logarithm of the thickness, dark beyond the table."""
-    step = float(np.log(weights.thickness_mm[1] / weights.thickness_mm[0]))
-    out = np.zeros((len(far.face), *table.shape[1:]), np.float32)
-    thinnest_mm = float(weights.thickness_mm[0])
-    rays = np.ascontiguousarray(far.thickness_mm), np.ascontiguousarray(far.opposed)
-    parallel_for(_read_table, len(out), table, thinnest_mm, step, rays, out)
-    return out
-
-
-@kernel
-def _read_table(first, stop, table, thinnest_mm, step, rays, out):  # type: ignore[no-untyped-def]
-    """`_at` of rays.
+def _across(
+    diffused: DiffuseMap,
+    mesh: SkinMesh,
+    udim: bool,
+    weights: SlabWeights,
+    carried: Float,
+    far: FarSide,
+    factor: Image,
+    rest: Callable[[], None],
+) -> Image:
+    """Light that comes through the flesh from n places of its far side, (L, n, 3).
 
     Parameters
     ----------
-    first, stop : int
-        Rays.
-    table : ndarray of shape (K, N, 3)
-        Weights at thicknesses in even steps of their logarithm.
-    thinnest_mm, step : float
-        The first one, and the step.
-    rays : tuple of two ndarrays of shape (n,)
-        Thickness that each passes, mm, and the factor on its weights.
-    out : ndarray of shape (n, N, 3), float32
-        Written; zero where it is dark.
+    diffused : DiffuseMap
+    mesh : SkinMesh
+    udim : bool
+    weights : SlabWeights
+    carried : ndarray of shape (K, N, 3)
+        What is taken off them.
+    far : FarSide
+    factor : ndarray of shape (L, n, 3), float32
+        On the weights, by light.
+    rest : callable
+        As in `transmit`.
     """
-    thickness_mm, opposed = rays
-    last = len(table) - 1
-    for ray in range(first, stop):
-        k = np.log(max(thickness_mm[ray], 1e-6) / thinnest_mm) / step
-        if not (k < last and opposed[ray] > 0):
-            continue
-        k = max(k, 0.0)
-        low = min(int(k), last - 1)
-        t = k - low
-        for c in range(3):
-            for i in range(table.shape[1]):
-                out[ray, i, c] = (table[low, i, c] * (1 - t) + table[low + 1, i, c] * t) * opposed[ray]
+
+    def of_lobe(number: int) -> _OfLobe:
+        read = read_weights(weights, np.stack([weights.weight_rgb[:, number], carried[:, number]], axis=1), far)
+        return _OfLobe(read[:, 0].copy(), read[:, 1].copy(), factor)
+
+    return _gather(diffused, mesh, udim, far.face, far.uv, of_lobe, rest)
 
 
-class _ByLobe(NamedTuple):
-    """What of each lobe counts at n places.
+class _OfLobe(NamedTuple):
+    """What of a lobe counts at n places.
 
     Attributes
     ----------
-    weight, less : ndarrays of shape (n, N, 3), float32
+    weight, less : ndarrays of shape (n, 3), float32
         Its weight, and what is taken off that.
     factor : ndarray of shape (L, n, 3), float32
         On the weights, by light.
@@ -302,18 +192,43 @@ class _ByLobe(NamedTuple):
     factor: Image
 
 
-def _gather(diffused: DiffuseMap, mesh: SkinMesh, udim: bool, face: NDArray[np.int64], uv: Float, of: _ByLobe) -> Image:
-    """Weighted sum of the lobes at places (n) of the texture, each light apart, shape (L, n, 3)."""
+def _gather(
+    diffused: DiffuseMap,
+    mesh: SkinMesh,
+    udim: bool,
+    face: Index,
+    uv: Float,
+    of_lobe: Callable[[int], _OfLobe],
+    rest: Callable[[], None],
+) -> Image:
+    """Weighted sum of the lobes at places (n) of the texture, each light apart, shape (L, n, 3).
+
+    Parameters
+    ----------
+    diffused : DiffuseMap
+    mesh : SkinMesh
+    udim : bool
+    face : ndarray of shape (n,)
+    uv : ndarray of shape (n, 2)
+    of_lobe : callable
+        Gives what of a lobe counts, by its number.
+    rest : callable
+        As in `transmit`.
+    """
     out = np.zeros((len(diffused.lights), len(face), 3), np.float32)
-    lit = (of.weight.sum(axis=1).max(axis=1) >= DARK) & (face >= 0)
     of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
+    places = []
     for tile in tiles_of(mesh, udim):
-        pick = np.flatnonzero(lit & (of_face[face] == tile))
-        local = local_uv(uv[pick], tile)
-        for i, lobe in enumerate(diffused.lobes):
-            image = np.asarray(lobe.rgb[tile], np.float32)
-            mine = _ByLobe(np.ascontiguousarray(of.weight[:, i]), np.ascontiguousarray(of.less[:, i]), of.factor)
-            parallel_for(_add_bilinear, len(pick), image, local, pick, mine, out)
+        pick = np.flatnonzero(of_face[face] == tile)
+        places.append((tile, pick, local_uv(uv[pick], tile)))
+    for i, lobe in enumerate(diffused.lobes):
+        of = of_lobe(i)
+        for tile, pick, local in places:
+            for light, factor in enumerate(of.factor):  # one at a time: as floats all would be twice as large again
+                image = np.asarray(lobe.rgb[tile][light : light + 1], np.float32)
+                mine = of._replace(factor=factor[None])
+                parallel_for(_add_bilinear, len(pick), image, local, pick, mine, out[light : light + 1])
+        rest()
     return out
 
 
@@ -330,8 +245,8 @@ def _add_bilinear(first, stop, image, uv, pick, of, out):  # type: ignore[no-unt
         Within the tile.
     pick : ndarray of shape (n,)
         Row of `of` and of `out` that each place has.
-    of : _ByLobe
-        Of this lobe: `weight` and `less` of shape (all, 3).
+    of : _OfLobe
+        Of all places.
     out : ndarray of shape (L, all, 3)
         Added to.
     """
@@ -346,16 +261,24 @@ def _add_bilinear(first, stop, image, uv, pick, of, out):  # type: ignore[no-unt
 
 
 def _reflected(
-    diffused: DiffuseMap, mesh: SkinMesh, udim: bool, gaussians: GaussianSum, raster: AtlasRaster
+    diffused: DiffuseMap,
+    mesh: SkinMesh,
+    udim: bool,
+    gaussians: GaussianSum,
+    raster: AtlasRaster,
+    rest: Callable[[], None],
 ) -> tuple[Image, Image]:
     """Light reflected at a sample of texels, all lights and channels, and the areas they stand for."""
     step = max(1, min(raster.shape) // SAMPLED)
     rows, cols = (step * index for index in np.nonzero(raster.covered[::step, ::step]))
     uv = interpolate(raster, mesh.corner_uv)[rows, cols].astype(np.float64)
-    weight = np.broadcast_to(gaussians.weight_rgb.astype(np.float32), (len(rows), *gaussians.weight_rgb.shape))
-    factor = np.ones((len(diffused.lights), len(rows), 3), np.float32)
-    everything = _ByLobe(weight, np.zeros_like(weight), factor)
-    light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, everything)
+    weight = gaussians.weight_rgb.astype(np.float32)
+    none, factor = np.zeros((len(rows), 3), np.float32), np.ones((len(diffused.lights), len(rows), 3), np.float32)
+
+    def of_lobe(number: int) -> _OfLobe:
+        return _OfLobe(np.repeat(weight[None, number], len(rows), axis=0), none, factor)
+
+    light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, of_lobe, rest)
     return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
 
 

@@ -1,0 +1,204 @@
+"""Thin parts of the skin: which texels have a far side that lets light through, and the weights of its light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster, coarser_atlas, face_mm_per_texel
+from skinbake.diffuse.terms.far_side import FarSide, far_side, inwards
+from skinbake.diffuse.terms.skin_hits import skin_points
+from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
+from skinbake.irradiance.occluder import Occluder
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float, safe_div
+from skinbake.profile import GaussianSum
+from skinbake.profile.skin_medium import SkinMedium
+from skinbake.scene.mesh import SkinMesh
+
+Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+TEXEL_MM = 0.4  # transmitted light is smooth: no finer texels than these are computed or stored
+_AT_ONCE = 1 << 18  # texels that are looked behind at a time
+
+
+class ThinTile(NamedTuple):
+    """Texels of a tile behind which the flesh is thin enough to let light through.
+
+    Attributes
+    ----------
+    raster : AtlasRaster
+        Of the size that transmitted light is computed at.
+    rows, cols : ndarrays of shape (n,)
+    far : FarSide
+        Of these texels.
+    """
+
+    raster: AtlasRaster
+    rows: Index
+    cols: Index
+    far: FarSide
+
+
+class ThinParts(NamedTuple):
+    """What lies behind each texel: traced once, good for any light.
+
+    Attributes
+    ----------
+    weights : SlabWeights
+    gaussians : GaussianSum
+        Of what scatters.
+    tiles : tuple of ThinTile
+    centre_mm : ndarray of shape (3,)
+        About which the points of `tiles` lie.
+    """
+
+    weights: SlabWeights
+    gaussians: GaussianSum
+    tiles: tuple[ThinTile, ...]
+    centre_mm: Float
+
+    @classmethod
+    def of(
+        cls,
+        mesh: SkinMesh,
+        gaussians: GaussianSum,
+        size: tuple[int, int],
+        gutter: int,
+        udim: bool,
+        albedo_rgb: Float,
+        occluder: Occluder | None = None,
+        medium: SkinMedium | None = None,
+        scatter: float = 1.0,
+    ) -> ThinParts:
+        """Trace inwards from the texels of a texture.
+
+        Parameters
+        ----------
+        mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter
+            As of `transmit`.
+        """
+        reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
+        if scatter < 1 or (gaussians.table is not None and gaussians.table.scatters):
+            weights, gaussians = _of_what_scatters(gaussians, reflectance, medium)
+        else:
+            weights = slab_weights(gaussians, reflectance, medium)
+        texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
+        coarse = 1 << transmitted_level(texel_mm)
+        small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
+        occluder = occluder or Occluder(mesh)
+        tiles = []
+        for raster in coarser_atlas(mesh, size, gutter, udim, small):
+            band = max(1, _AT_ONCE // raster.shape[1])
+            found = [
+                _look_behind(raster, first, band, mesh, occluder, weights)
+                for first in range(0, len(raster.coverage), band)
+            ]
+            rows, cols, *far = (np.concatenate(part) for part in zip(*found, strict=True))
+            tiles.append(ThinTile(raster, rows, cols, FarSide(*far)))
+        return cls(weights, gaussians, tuple(tiles), occluder.centre_mm)
+
+
+def _look_behind(
+    raster: AtlasRaster, first: int, rows_at_once: int, mesh: SkinMesh, occluder: Occluder, weights: SlabWeights
+) -> tuple[Index | Float, ...]:
+    """Some rows of texels: rows and columns of those that are thin, and the fields of `FarSide`.
+
+    Few texels are, and looking for them takes many times their memory.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    first, rows_at_once : int
+        Rows.
+    mesh : SkinMesh
+    occluder : Occluder
+    weights : SlabWeights
+    """
+    rows, cols = np.nonzero(raster.addressed[first : first + rows_at_once])
+    rows += first
+    point, normal = skin_points(raster, mesh, occluder, rows, cols)
+    near = np.flatnonzero(occluder.occluded(*inwards(occluder, point, normal), _reach(weights, len(rows))))
+    far = far_side(occluder, mesh, point[near], normal[near])
+    lit = read_weights(weights, weights.weight_rgb, far).sum(axis=1).max(axis=1) >= DARK
+    lit &= far.face >= 0
+    return rows[near[lit]], cols[near[lit]], *(part[lit] for part in far)
+
+
+def _of_what_scatters(
+    gaussians: GaussianSum, reflectance: Float, medium: SkinMedium | None
+) -> tuple[SlabWeights, GaussianSum]:
+    """Weights of a slab whose first Gaussian, of no width, is light that never entered; and the sum without that."""
+    scattered = gaussians.weight_rgb[1:]
+    whole = safe_div(scattered, scattered.sum(axis=0)) * gaussians.weight_rgb.sum(axis=0)
+    inside = replace(gaussians, variance_mm2=gaussians.variance_mm2[1:], weight_rgb=whole, table=None)
+    slab = slab_weights(inside, reflectance, medium)
+    padded = np.concatenate([np.zeros_like(slab.weight_rgb[:, :1]), slab.weight_rgb], axis=1)
+    none = np.zeros((1, 3))
+    return replace(slab, weight_rgb=padded), replace(gaussians, weight_rgb=np.concatenate([none, whole]))
+
+
+def transmitted_level(texel_mm: float) -> int:
+    """How often a texture is halved for transmitted light, from the length of a texel of the full size."""
+    return int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0))))
+
+
+def _reach(weights: SlabWeights, rays: int) -> Image:
+    """Thickness beyond which all is dark, for each ray."""
+    lit = np.flatnonzero(np.abs(weights.weight_rgb).sum(axis=1).max(axis=1) >= DARK)
+    last = min(int(lit.max(initial=-1)) + 1, len(weights.thickness_mm) - 1)
+    return np.full(rays, weights.thickness_mm[last], np.float32)
+
+
+def read_weights(weights: SlabWeights, table: Float, far: FarSide) -> Image:
+    """Weights for each ray, (n, N, 3); linear in the logarithm of the thickness, dark beyond the table.
+
+    Parameters
+    ----------
+    weights : SlabWeights
+        Has the table's thicknesses.
+    table : ndarray of shape (K, N, 3)
+    far : FarSide
+        Of n rays.
+    """
+    step = float(np.log(weights.thickness_mm[1] / weights.thickness_mm[0]))
+    out = np.zeros((len(far.face), *table.shape[1:]), np.float32)
+    thinnest_mm = float(weights.thickness_mm[0])
+    rays = np.ascontiguousarray(far.thickness_mm), np.ascontiguousarray(far.opposed)
+    parallel_for(_read_table, len(out), table, thinnest_mm, step, rays, out)
+    return out
+
+
+@kernel
+def _read_table(first, stop, table, thinnest_mm, step, rays, out):  # type: ignore[no-untyped-def]
+    """`read_weights` of rays.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rays.
+    table : ndarray of shape (K, N, 3)
+        Weights at thicknesses in even steps of their logarithm.
+    thinnest_mm, step : float
+        The first one, and the step.
+    rays : tuple of two ndarrays of shape (n,)
+        Thickness that each passes, mm, and the factor on its weights.
+    out : ndarray of shape (n, N, 3), float32
+        Written; zero where it is dark.
+    """
+    thickness_mm, opposed = rays
+    last = len(table) - 1
+    for ray in range(first, stop):
+        k = np.log(max(thickness_mm[ray], 1e-6) / thinnest_mm) / step
+        if not (k < last and opposed[ray] > 0):
+            continue
+        k = max(k, 0.0)
+        low = min(int(k), last - 1)
+        t = k - low
+        for c in range(3):
+            for i in range(table.shape[1]):
+                out[ray, i, c] = (table[low, i, c] * (1 - t) + table[low + 1, i, c] * t) * opposed[ray]

@@ -1,0 +1,52 @@
+"""Arrays in temporary files: the same values, no memory, nothing left behind."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skinbake.io.spool import Spool
+
+LARGE = np.arange(1 << 20, dtype=np.float32).reshape(512, 2048)
+
+
+def resident_bytes() -> int:
+    """Memory of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def test_values_stay_and_the_folder_is_empty(tmp_path):
+    """Of every type and shape that is kept; also once their memory was freed, and when they were changed."""
+    spool = Spool(tmp_path)
+    for values in (LARGE, (LARGE % 999).astype(np.float16)[None], LARGE.T, LARGE[:0]):
+        kept = spool.keep(values)
+        spool.rest()
+        assert kept.dtype == values.dtype
+        np.testing.assert_array_equal(kept, values)
+    kept = spool.keep_all({1001: LARGE})[1001]
+    kept[3] = 7
+    spool.rest()
+    assert (kept[3] == 7).all()
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="tells no resident size")
+def test_what_is_kept_takes_no_memory_until_it_is_read(tmp_path):
+    """And none any more after `rest`."""
+    spool, values = Spool(tmp_path), np.full((64, 1 << 20), 1, np.uint8)
+    kept = spool.keep(values)
+    before = resident_bytes()
+    assert kept.sum() == values.size
+    read = resident_bytes() - before
+    spool.rest()
+    assert read > 0.9 * values.nbytes
+    assert resident_bytes() - before < 0.1 * values.nbytes
+
+
+def test_without_a_folder_the_arrays_themselves_are_kept(tmp_path):
+    """Also where no file can be made; small ones always."""
+    assert Spool().keep(LARGE) is LARGE
+    assert Spool(tmp_path / "none").keep(LARGE) is LARGE
+    small = LARGE[:1]
+    assert Spool(tmp_path).keep(small) is small
