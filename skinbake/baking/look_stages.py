@@ -48,7 +48,15 @@ def look_stages(
 
 
 def put_aside(inputs: BakeInputs, stages: Stages, spool: Spool) -> None:
-    """Have what was read and rasterised so far stand in files while no stage reads it."""
+    """Have what was read and rasterised so far stand in files while no stage reads it.
+
+    Parameters
+    ----------
+    inputs : BakeInputs
+    stages : Stages
+    spool : Spool
+        Where it stands.
+    """
     inputs.put_aside(spool)
     if isinstance(stages.raster, RasterStage):
         stages.raster.put_aside(spool)
