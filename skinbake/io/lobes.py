@@ -91,7 +91,14 @@ class StoredLobe(Lobe):
 
 
 def as_stored_lobes(result: DiffuseMap, precision: str, spool: Spool | None = None) -> DiffuseMap:
-    """Result with `StoredLobe`s only. Takes the pixels out of `result`, lobe by lobe, lest all be in memory twice."""
+    """Result with `StoredLobe`s only. Takes the pixels out of `result`, lobe by lobe, lest all be in memory twice.
+
+    Parameters
+    ----------
+    result : DiffuseMap
+    precision, spool
+        As of `as_stored_lobe`.
+    """
     lobes = (each if isinstance(each, StoredLobe) else as_stored_lobe(each, precision, spool) for each in result.lobes)
     return replace(result, lobes=tuple(lobes))
 
