@@ -31,7 +31,7 @@ def normal_levels(normal: NDArray[np.floating], strength: float, space: str) -> 
     """
     levels = [np.concatenate([normal, np.zeros_like(normal[..., :1])], axis=2)]
     bend = np.array([strength, strength, 1.0] if space == "tangent" else [1.0, 1.0, 1.0], np.float32)
-    if max(normal.shape[:2]) == 1:
+    if LEVELS == 1 or max(normal.shape[:2]) == 1:
         return levels
     # The first level some rows at a time: as floats the map would be many times as large
     last = max(2 * (len(normal) // 2), 1)
