@@ -27,8 +27,9 @@ from skinbake.profile.fit_onto import fit_onto
 from skinbake.profile.skin_albedo import PIGMENTS
 from skinbake.profile.varying_skin import Range, ranges_of
 from skinbake.scene.maps import IMAGES, OF_SKIN
+from skinbake.scene.mesh_files import OF_FILE
 from skinbake.scene.skin import PhysiologySkin
-from skinbake.scene.spec import OF_FILE, SceneSpec
+from skinbake.scene.spec import SceneSpec
 
 
 def _layout_of_its_own(spec: SceneSpec) -> bool:

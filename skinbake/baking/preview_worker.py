@@ -16,7 +16,7 @@ from skinbake.preview.picture_part import refuse_picture_too_large
 from skinbake.preview.platform import any_thread
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.views import tone_map
-from skinbake.scene.spec import PreviewSpec
+from skinbake.scene.output import PreviewSpec
 
 T = TypeVar("T")
 

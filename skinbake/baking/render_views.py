@@ -17,7 +17,7 @@ from skinbake.preview.picture_part import refuse_picture_too_large
 from skinbake.preview.relit import LaterLight
 from skinbake.preview.views import View, plan_views, side_by_side, tone_map
 from skinbake.progress import Progress
-from skinbake.scene.spec import PreviewSpec
+from skinbake.scene.output import PreviewSpec
 
 
 def render(

@@ -34,9 +34,10 @@ from skinbake.irradiance.oil_albedo import oil_table, transmitted_share
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
 from skinbake.progress import Progress
+from skinbake.scene.map_files import MapsSpec
 from skinbake.scene.maps import OF_SKIN
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import MapsSpec, SceneSpec, TexturingSpec
+from skinbake.scene.spec import SceneSpec, TexturingSpec
 from skinbake.transport.closed import refuse_open
 from skinbake.transport.light_leaving import ESTIMATES, light_leaving
 from skinbake.transport.medium_of_skin import medium_of_skin

@@ -14,9 +14,10 @@ from skinbake.io.output_names import is_output, refuse_inputs
 from skinbake.io.yaml_lines import Key, Located, dotted, parse_value, read_yaml
 from skinbake.scene.batch import BatchSpec
 from skinbake.scene.frames import frame_numbers
+from skinbake.scene.mesh_files import OF_FILE
 from skinbake.scene.parse import parse, unknown_keys
 from skinbake.scene.skin import SkinSpec
-from skinbake.scene.spec import DIFFUSION_METHODS, OF_FILE, SceneSpec
+from skinbake.scene.spec import DIFFUSION_METHODS, SceneSpec
 
 _PATH_KEYS = re.compile(
     r"mesh\.path|mesh\.opacity(\..+)?|occluders\[\d+\]\.(path|opacity)|maps\.(?!source$|vertex_colors$)\w+(\.path)?|lights\[\d+\]\.path|skin\.path|output\.dir"

@@ -11,7 +11,8 @@ from skinbake.errors import InputError
 from skinbake.io.digests import key_of, sha256_of
 from skinbake.io.mesh.files import mesh_files
 from skinbake.io.tile_names import names_tiles, tile_files
-from skinbake.scene.spec import OF_FILE, SceneSpec
+from skinbake.scene.mesh_files import OF_FILE
+from skinbake.scene.spec import SceneSpec
 
 
 def input_files(spec: SceneSpec) -> dict[str, tuple[Path, ...]]:

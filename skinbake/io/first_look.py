@@ -23,7 +23,7 @@ from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.io.mesh.read_mesh import skin_of
 from skinbake.io.mesh.size import BODY_MM, HEAD_MM, TYPICAL_BODY_MM, TYPICAL_HEAD_MM
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import MM_PER_UNIT
+from skinbake.scene.mesh_files import MM_PER_UNIT
 
 # Words in the names of parts. What is clear or thinner than a triangle's shadow is left out
 IGNORED = ("lash", "occlusion", "lacrimal", "fluid", "tear", "blend", "cornea", "collision", "proxy")

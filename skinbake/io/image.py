@@ -18,9 +18,7 @@ from skinbake.io.colour import decode
 from skinbake.io.image_file import StoredImage, read_stored
 from skinbake.io.image_memory import MAP_CHANNELS, image_bytes, refuse_beyond_memory
 from skinbake.io.tile_names import MARKS, name_of_tile, names_tiles, tile_files
-from skinbake.scene.maps import OF_SKIN, DetailNormals, SkinMaps
-from skinbake.scene.skin import LEAST_RADIUS, MOST_HAEMOGLOBIN, MOST_MELANIN, MOST_RADIUS
-from skinbake.scene.spec import (
+from skinbake.scene.map_files import (
     DetailMapSpec,
     FileMapSpec,
     HeightMapSpec,
@@ -30,6 +28,8 @@ from skinbake.scene.spec import (
     RoughnessMapSpec,
     ScaledMapSpec,
 )
+from skinbake.scene.maps import OF_SKIN, DetailNormals, SkinMaps
+from skinbake.scene.skin import LEAST_RADIUS, MOST_HAEMOGLOBIN, MOST_MELANIN, MOST_RADIUS
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]

@@ -19,10 +19,11 @@ from skinbake.io.mesh.gltf_material import GltfMaterial, picture_of, read_materi
 from skinbake.io.mesh.look_mesh import refuse_unpainted
 from skinbake.io.repaint import painted_mesh, repaint
 from skinbake.profile.skin_albedo import albedo_of_skin
+from skinbake.scene.map_files import MapsSpec
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.skin import PhysiologySkin
-from skinbake.scene.spec import MapsSpec, SceneSpec
+from skinbake.scene.spec import SceneSpec
 
 GUTTER = 4  # texels beside the charts that get the colour of the vertices at least, for whoever reads between texels
 # What is taken of a material for each map: its image, and what multiplies it

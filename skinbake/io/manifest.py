@@ -18,7 +18,8 @@ from skinbake.io.lobes import is_transmission
 from skinbake.io.record import Record, read_record
 from skinbake.io.weight_table import KEY, table_of_record
 from skinbake.profile.weight_table import WeightTable
-from skinbake.scene.spec import OF_FILE, SceneSpec
+from skinbake.scene.mesh_files import OF_FILE
+from skinbake.scene.spec import SceneSpec
 
 NAME = "bake.json"
 

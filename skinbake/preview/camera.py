@@ -9,7 +9,7 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.numerics import Float, normalized
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import FARTHEST_MM, PreviewSpec
+from skinbake.scene.output import FARTHEST_MM, PreviewSpec
 
 PORTRAIT_YFOV_DEG = float(np.degrees(2 * np.arctan(18 / 85)))  # 85 mm lens on 36 mm tall film
 HEAD_DIAGONAL_MM = 350.0
@@ -31,7 +31,7 @@ CLOSE_UPS: dict[str, tuple[str, tuple[float, float, float], float, float, float]
     "eyes": ("nose", (0.0, 38.0, -24.0), 105.0, 10.0, 2.0),
     "ear": ("ear", (0.0, 0.0, 12.0), 92.0, 78.0, 2.0),
 }
-VIEWS = (*ANGLES, *CLOSE_UPS)  # `scene.spec.View`
+VIEWS = (*ANGLES, *CLOSE_UPS)  # `scene.output.View`
 
 
 @dataclass(frozen=True)

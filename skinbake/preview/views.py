@@ -12,7 +12,7 @@ from skinbake.preview.camera import Camera, camera_of, turntable, view
 from skinbake.preview.draw import PreviewImage
 from skinbake.preview.tonemap import tonemap
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import PreviewSpec
+from skinbake.scene.output import PreviewSpec
 
 
 @dataclass(frozen=True)

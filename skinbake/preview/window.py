@@ -24,7 +24,7 @@ from skinbake.preview.scene import PreviewScene
 from skinbake.preview.shader_light import Gains, gains_rgb
 from skinbake.preview.views import tone_map
 from skinbake.preview.window_state import WindowState, state_of
-from skinbake.scene.spec import PreviewSpec
+from skinbake.scene.output import PreviewSpec
 
 if TYPE_CHECKING:
     from skinbake.preview.target import FloatTarget

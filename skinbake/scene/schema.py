@@ -10,12 +10,12 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter
 
-from skinbake.scene import frames, lights, skin, spec
+from skinbake.scene import frames, lights, map_files, mesh_files, output, skin, spec
 from skinbake.scene.skin import _Skin
 from skinbake.scene.strict import Strict
 
 TITLE = "A look of skinbake"
-_MODULES: tuple[ModuleType, ...] = (spec, skin, lights, frames)
+_MODULES: tuple[ModuleType, ...] = (spec, mesh_files, map_files, skin, lights, output, frames)
 _ORDER = ("mesh", "occluders", "maps", "texture", "skin", "lights", "diffusion", "texturing", "specular", "terms")
 
 

@@ -3,261 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from skinbake.scene.frames import frame_numbers
 from skinbake.scene.lights import LightSpec
+from skinbake.scene.map_files import SKIN_RGB, Maps, MapsSpec
+from skinbake.scene.mesh_files import MeshSpec, OccluderSpec
+from skinbake.scene.output import OutputSpec, PreviewSpec
 from skinbake.scene.skin import PhysiologySkin, SkinSpec
-from skinbake.scene.strict import Also, Between, Fraction, NonNegative, Positive, Strict
+from skinbake.scene.strict import Also, Between, Fraction, Strict
 
 AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
 # Key of the validation context: a function that gives, by name, whether a method knows sums that are not normalised
 DIFFUSION_METHODS = "diffusion_methods"
 MOST_BOUNCES = 16
-MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "dm": 100.0, "m": 1000.0, "inch": 25.4}
-
-
-Patterns = Annotated[
-    tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value), Also("string")
-]
-
-
-class MeshFileSpec(Strict):
-    """A mesh file and how it lies in the scene, whose y is up and whose face looks along z."""
-
-    path: str
-    """File: OBJ, PLY, glTF or GLB, STL, OFF, or USD with the extra `usd`."""
-    unit: Literal["mm", "cm", "dm", "m", "inch", "file"] | None = None
-    """Unit of the file's lengths; `file` takes what the file says (glTF: metres). Either this or `mm_per_unit`."""
-    mm_per_unit: Positive | None = None
-    """Millimetres of one unit of the file."""
-    up: Literal["y", "z"] | None = None
-    """Axis of the file that points up; by default what the file says of itself, else y."""
-    front: Literal["z", "-z", "x", "-x"] = "z"
-    """Axis along which the face looks, once up is up."""
-    flip_v: bool = False
-    """Whether v runs down in the file, as in textures of three.js."""
-    uv_set: Annotated[int, Field(ge=0, le=63)] | None = None
-    """Number of the glTF's UV set; by default that of its material."""
-    time: Annotated[Annotated[float, Field(ge=-1e6, le=1e6)] | None, Also("string")] = None
-    """Time of a USD stage; by default its earliest. `"####"` is the frame's number, with `frames`."""
-
-    @model_validator(mode="after")
-    def _one_unit(self) -> MeshFileSpec:
-        if (self.unit is None) == (self.mm_per_unit is None):
-            raise ValueError("expected exactly one of unit (mm, cm, dm, m, inch, file) and mm_per_unit")
-        return self
-
-    @property
-    def millimetres_per_unit(self) -> float | None:
-        """Length of one mesh unit; None: the file says it."""
-        return MM_PER_UNIT.get(str(self.unit), self.mm_per_unit)
-
-
-OF_FILE = "file"  # in place of a path: what the mesh's own file holds
-
-
-def _picture_of_all(value: Any) -> Any:
-    """One picture as that of all parts."""
-    return {"*": value} if isinstance(value, str) else value
-
-
-class MeshSpec(MeshFileSpec):
-    """The head, and what its file's parts are: names or patterns with * and ?.
-
-    `skin` is baked; without it everything is that neither casts nor is ignored. `cast` shadows the skin, as does all
-    that `skin` leaves out; `ignore` is as if it were not there. `opacity` is a picture for all that casts, or one for
-    each name of a part: its alpha, or grey, says what stops light; `file` is the alpha of a glTF's own materials.
-    """
-
-    any_size: bool = False
-    """Skip the check that the mesh is as large as a head: for test scenes."""
-    skin: Patterns = ()
-    """Parts that are skin, by name or pattern with * and ?; without it everything that neither casts nor is ignored."""
-    cast: Patterns = ()
-    """Parts that shadow the skin but are not baked: eyes, teeth, hair."""
-    ignore: Patterns = ()
-    """Parts that are as if they were not there."""
-    opacity: Annotated[dict[str, str], BeforeValidator(_picture_of_all), Also("string")] = Field({}, max_length=256)
-    """Picture whose alpha, or grey, stops light, for all that casts or a part each; `file` is the glTF's own alpha."""
-
-
-class OccluderSpec(MeshFileSpec):
-    """A file of things that shadow the skin: a hat, hair, glasses; those of its `parts` that match."""
-
-    parts: Patterns = ("*",)
-    """Parts of the file that shadow the skin, by name or pattern."""
-    opacity: str | None = None
-    """Picture whose alpha, or grey, stops light; `file` is the glTF's own alpha."""
-
-
-def _lower(value: Any) -> Any:
-    return value.lower() if isinstance(value, str) else value
-
-
-class FileMapSpec(Strict):
-    """An image file. A bare path in the configuration means `{path: ...}`.
-
-    `color_space` is auto (what the file says), srgb, linear (Rec.709, or plain data) or a name that OCIO knows;
-    `layer` one of an EXR.
-    """
-
-    path: str
-    """Image file; `<UDIM>` or `<UVTILE>` in it stands for the number of a tile."""
-    color_space: str = "auto"
-    """`auto`: what the file says, else sRGB for 8 and 16 bits, linear for floats; `srgb`, `linear`, a name of OCIO."""
-    layer: str | None = None
-    """Layer of an EXR."""
-
-
-class MapSpec(FileMapSpec):
-    """One texture map; `channel` is the one it is in, `invert` makes of x 1 - x."""
-
-    channel: Annotated[Literal["r", "g", "b", "a"] | None, BeforeValidator(_lower)] = None
-    """Channel that the map is in, where a file packs several."""
-    invert: bool = False
-    """Read 1 - x in place of x: gloss for roughness."""
-
-
-class RoughnessMapSpec(MapSpec):
-    """Beckmann m, or with `kind: ggx` the roughness r that glTF and painters mean, alpha = r^2."""
-
-    kind: Literal["beckmann", "ggx"] = "beckmann"
-    """`beckmann`: m; `ggx`: the roughness r of glTF and of painting programs, m = r^2."""
-
-
-class ScaledMapSpec(MapSpec):
-    """A map of a quantity that may pass 1, or that uses little of it: `scale` is what white stands for."""
-
-    scale: Positive = 1.0
-    """What white stands for; with `invert`, what black does."""
-
-
-class HeightMapSpec(MapSpec):
-    """Heights of pores and wrinkles outwards, from 0 to `scale_mm`."""
-
-    scale_mm: Annotated[float, Field(gt=-1000, lt=1000)]
-    """Height of white above black, outwards, in mm; negative for maps that are deep where they are white."""
-
-
-Encoding = Literal["auto", "unsigned", "signed"]
-Green = Literal["opengl", "directx"]
-
-
-class NormalMapSpec(FileMapSpec):
-    """Normal map with its conventions; `encoding` unsigned holds 0 ... 1 for -1 ... 1."""
-
-    space: Literal["tangent", "object"] = "tangent"
-    """Tangent space of the UVs (MikkTSpace), or object space."""
-    green: Green = "opengl"
-    """Whether green points along v (`opengl`) or against it (`directx`)."""
-    encoding: Encoding = "auto"
-    """`unsigned` holds 0 ... 1 for -1 ... 1; `auto` decides by the kind of file."""
-    strength: NonNegative = 1.0
-    """Factor on the slopes."""
-
-
-class DetailMapSpec(FileMapSpec):
-    """Tangent-space normals of a patch of skin; `repeat` times over a tile, or so often along u and along v."""
-
-    repeat: Annotated[tuple[Positive, Positive], Also("number", exclusiveMinimum=0)]
-    """How often the patch fits into a tile, or [along u, along v]."""
-    green: Green = "opengl"
-    """As of a normal map."""
-    encoding: Encoding = "auto"
-    """As of a normal map."""
-    strength: NonNegative = 1.0
-    """Factor on the slopes."""
-
-    @field_validator("repeat", mode="before")
-    @classmethod
-    def _both(cls, value: Any) -> Any:
-        return (value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-def _path_as_map(value: Any) -> Any:
-    """A bare path as the mapping it stands for."""
-    return {"path": value} if isinstance(value, str) else value
-
-
-Map = Annotated[MapSpec, BeforeValidator(_path_as_map), Also("string")]
-NormalMap = Annotated[NormalMapSpec, BeforeValidator(_path_as_map), Also("string")]
-RoughnessMap = Annotated[RoughnessMapSpec, BeforeValidator(_path_as_map), Also("string")]
-ScaledMap = Annotated[ScaledMapSpec, BeforeValidator(_path_as_map), Also("string")]
-HeightMap = Annotated[HeightMapSpec, BeforeValidator(_path_as_map)]
-DetailMap = Annotated[DetailMapSpec, BeforeValidator(_path_as_map)]
-SKIN_RGB = (0.57, 0.34, 0.25)  # linear Rec.709, of light skin: sRGB 198 157 137
-
-
-def _file_as_source(value: Any) -> Any:
-    """The text `file` as the mapping it stands for."""
-    if isinstance(value, str) and value != OF_FILE:
-        raise ValueError("expected a mapping of maps, or file for those of the mesh's own materials")
-    return {"source": OF_FILE} if value == OF_FILE else value
-
-
-class MapsSpec(Strict):
-    """Maps of the skin; `maps: file` means `maps: {source: file}`.
-
-    `source: file` takes base colour, normals and roughness from the mesh's own glTF materials where no map is given
-    here. `vertex_colors: true` is the albedo that the mesh's vertices hold: linear in glTF, where it multiplies the
-    base colour of `source: file`, sRGB in PLY and OBJ.
-    `albedo_rgb` is the constant linear albedo used where there is no albedo map; a skin colour where it is not given,
-    and white where the colour is that of the scattering medium (`skin.normalise: none`).
-    """
-
-    source: Literal["file"] | None = None
-    """`file` takes base colour, normals and roughness of the glTF's materials where no map is given (`maps: file`)."""
-    vertex_colors: bool = False
-    """Albedo from the colours of the vertices: linear in glTF, sRGB in PLY and OBJ."""
-    albedo: Map | None = None
-    """Colour of the skin, as painted or photographed without light."""
-    albedo_rgb: tuple[Fraction, Fraction, Fraction] | None = None
-    """Linear albedo where there is no map: by default light skin, and white where `skin.normalise` is `none`."""
-    normal: NormalMap | None = None
-    """Normal map."""
-    roughness: RoughnessMap | None = None
-    """Roughness of the oil, in place of `specular.roughness`."""
-    specular: Map | None = None
-    """Factor on `specular.strength`."""
-    cavity: Map | None = None
-    """Where the oil is hidden in pores and folds, 0 to 1: another factor on `specular.strength`."""
-    f0: ScaledMap | None = None
-    """Reflectance of the oil at normal incidence, in place of `specular.f0`."""
-    height: HeightMap | None = None
-    """Heights of pores and wrinkles, which tilt the normals."""
-    detail: DetailMap | None = None
-    """Normals of a small patch of pores that is repeated."""
-    scatter: Map | None = None
-    """Share of the light that scatters: 1 in skin, 0 where it leaves where it arrives, as of nails and make-up."""
-    radius: ScaledMap | None = None
-    """Factor on the width of the profile, in place of `skin.radius`."""
-    melanin: ScaledMap | None = None
-    """Volume fraction of melanin, in place of `skin.melanin`, with `skin.model: physiology`."""
-    haemoglobin: ScaledMap | None = None
-    """Volume fraction of blood, in place of `skin.haemoglobin`, with `skin.model: physiology`."""
-
-    @model_validator(mode="after")
-    def _one_albedo(self) -> MapsSpec:
-        if self.vertex_colors and self.albedo:
-            raise ValueError("expected albedo or vertex_colors, got both")
-        return self
-
-    @model_validator(mode="after")
-    def _one_space(self) -> MapsSpec:
-        if self.normal and self.normal.space == "object" and (self.height or self.detail):
-            raise ValueError("expected a normal map in tangent space beside height or detail, got space: object")
-        return self
-
-    def files(self) -> dict[str, FileMapSpec]:
-        """Maps that come from image files, by their key."""
-        found = {name: getattr(self, name) for name in type(self).model_fields}
-        return {name: of for name, of in found.items() if isinstance(of, FileMapSpec)}
-
-
 LARGEST_SIZE = 32768
 Size = Annotated[int, Field(ge=1, le=LARGEST_SIZE)]
 
@@ -421,15 +183,6 @@ class TermsSpec(Strict):
         return self.bounces, 0.0
 
 
-ExportKind = Literal["sum", "layers", "gltf", "blender", "web"]
-EXPORT_KINDS: tuple[str, ...] = get_args(ExportKind)
-
-
-def _one_as_many(value: Any) -> Any:
-    """One name as a list of it."""
-    return (value,) if isinstance(value, str) else value
-
-
 def _reuse(value: Any) -> Any:
     """The text `reuse` as the mapping it stands for."""
     if isinstance(value, str) and value != "reuse":
@@ -452,76 +205,6 @@ class RelightSpec(Strict):
     """Show the look's own lights by textures of the cache, as `relight: reuse` does, and store none; for batches."""
 
 
-Exports = Annotated[tuple[ExportKind, ...], BeforeValidator(_one_as_many), Also("string", enum=list(EXPORT_KINDS))]
-
-
-class OutputSpec(Strict):
-    """Folder, format and content of what is written."""
-
-    dir: Annotated[str, Field(min_length=1)]
-    """Folder that the bake is written to; one look, one folder."""
-    precision: Literal["half", "float"] = "half"
-    """Floats of 16 or of 32 bits."""
-    compression: Literal["none", "rle", "zips", "zip", "piz"] = "zip"
-    """Of the EXR files."""
-    layout: Literal["multipart", "single"] = "multipart"
-    """Lights of a texture are parts of its file, or, for programs that see the first part only, files of their own."""
-    lights: Literal["separate", "total"] = "separate"
-    """Store each light on its own, so that it can be changed later, or all of them summed."""
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    """Of everything that is drawn at random."""
-    tx: bool = False
-    """Also write tiled, mip-mapped textures for renderers."""
-    export: Exports = ()
-    """What `skinbake export` writes, after each bake into its folder `export`; with `web` also one page of a batch."""
-
-    @field_validator("export")
-    @classmethod
-    def _once(cls, kinds: tuple[ExportKind, ...]) -> tuple[ExportKind, ...]:
-        return tuple(dict.fromkeys(kinds))
-
-    @property
-    def separate_lights(self) -> bool:
-        """Whether each light is diffused and stored on its own."""
-        return self.lights == "separate"
-
-
-View = Literal["front", "left", "right", "three-quarter", "three-quarter-right", "back", "nose", "lips", "eyes", "ear"]
-PictureSize = Annotated[int, Field(ge=1, le=8192)]
-STOPS = 100
-FARTHEST_MM = 1e5  # of a camera: a head is less than a hundredth of its picture there
-Place = Annotated[float, Between(-FARTHEST_MM, FARTHEST_MM)]
-Shade = Annotated[float, Field(ge=0, le=1e6)]
-
-
-class CameraSpec(Strict):
-    """A camera on an orbit about a point of the head; +y is up."""
-
-    target_mm: tuple[Place, Place, Place]
-    """What it looks at, mm."""
-    distance_mm: Annotated[float, Between(1, FARTHEST_MM)]
-    """How far away it stands, mm."""
-    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """0 looks at the face, 90 at the head's left side."""
-    elevation_deg: Annotated[float, Field(ge=-89, le=89)] = 0.0
-    """How far above the target, degrees."""
-
-
-class PreviewSpec(Strict):
-    """Picture that a bake ends with; the verb `preview` can override it."""
-
-    size: tuple[PictureSize, PictureSize] = (768, 960)
-    """Width and height in pixels."""
-    view: View = "three-quarter"
-    """Where the camera stands."""
-    camera: CameraSpec | None = None
-    """A place of one's own, in place of `view`'s; the window's key W writes it."""
-    exposure: Annotated[float, Field(ge=-STOPS, le=STOPS)] = 0.0
-    """Stops."""
-    background_rgb: tuple[Shade, Shade, Shade] = (0.018, 0.019, 0.022)
-    """Linear colour behind the head."""
-
-
 class SceneSpec(Strict):
     """One look: everything that a bake is made from.
 
@@ -532,7 +215,7 @@ class SceneSpec(Strict):
     """The head."""
     occluders: tuple[OccluderSpec, ...] = ()
     """Other files that shadow it: hat, hair, glasses."""
-    maps: Annotated[MapsSpec, BeforeValidator(_file_as_source), Also("string")] = MapsSpec()
+    maps: Maps = MapsSpec()
     """Its textures; `file` takes those of the mesh."""
     texture: TextureSpec = TextureSpec()
     """The textures that are baked."""

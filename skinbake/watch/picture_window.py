@@ -13,7 +13,7 @@ from skinbake.io.bake_folder import read_bake_folder
 from skinbake.preview.scene import PreviewScene
 from skinbake.preview.window import PreviewWindow
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import PreviewSpec
+from skinbake.scene.output import PreviewSpec
 from skinbake.watch.draft import Draft
 
 Shown = tuple[PreviewScene, PreviewSpec, str]

@@ -8,17 +8,16 @@ import pytest
 
 from skinbake.io.config import load_look
 from skinbake.scene.lights import EnvironmentLight
-from skinbake.scene.spec import (
+from skinbake.scene.map_files import (
     DetailMapSpec,
     FileMapSpec,
     HeightMapSpec,
     MapSpec,
     MapsSpec,
-    MeshSpec,
     NormalMapSpec,
-    OccluderSpec,
     RoughnessMapSpec,
 )
+from skinbake.scene.mesh_files import MeshSpec, OccluderSpec
 from tests.conftest import ROOT
 
 PAGES = {name: (ROOT / "skinbake" / "docs" / f"{name}.md").read_text() for name in ("maps", "meshes")}

@@ -12,8 +12,8 @@ from skinbake.cli.export import command
 from skinbake.export.after_bake import FOLDER
 from skinbake.export.exports import EXPORTS
 from skinbake.io.manifest import read_manifest
+from skinbake.scene.output import EXPORT_KINDS
 from skinbake.scene.schema import look_schema
-from skinbake.scene.spec import EXPORT_KINDS
 from tests.cli.test_batch import Here
 
 

@@ -692,7 +692,7 @@ def image_seeds() -> Seeds:
 
 def read_image(path: Path) -> None:
     from skinbake.io.image import read_maps
-    from skinbake.scene.spec import MapsSpec
+    from skinbake.scene.map_files import MapsSpec
 
     one = {"path": str(path), "channel": "g"}  # colours that differ are refused where one number is wanted
     normal = {"path": str(path), "encoding": "unsigned"}  # float maps do not say

@@ -7,7 +7,7 @@ import pytest
 from skinbake.errors import MachineError
 from skinbake.io import image_memory
 from skinbake.io.image import read_maps
-from skinbake.scene.spec import MapsSpec
+from skinbake.scene.map_files import MapsSpec
 from tests.images import flat_png
 
 

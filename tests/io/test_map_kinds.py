@@ -8,7 +8,7 @@ import pytest
 
 from skinbake.io.colour import srgb_to_linear
 from skinbake.io.image import read_maps
-from skinbake.scene.spec import MapsSpec
+from skinbake.scene.map_files import MapsSpec
 from tests.images import save
 
 # Suffix, type, and by how much the kind itself may miss a value: half a level and round-off, or half a bit

@@ -8,7 +8,7 @@ import pytest
 from skinbake.errors import InputError
 from skinbake.preview.camera import ANGLES, VIEWS, Camera, turntable, view
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import View
+from skinbake.scene.output import View
 from tests.shapes import joined, quad, sphere
 
 

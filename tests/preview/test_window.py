@@ -23,7 +23,7 @@ from skinbake.preview.other_skin import OtherSkin, stored_variances
 from skinbake.preview.tonemap import tonemap
 from skinbake.preview.window import PreviewWindow, WindowActions
 from skinbake.profile import GaussianSum
-from skinbake.scene.spec import PreviewSpec
+from skinbake.scene.output import PreviewSpec
 from tests.preview.scenes import scene
 
 def no_fit():

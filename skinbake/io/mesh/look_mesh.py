@@ -15,7 +15,8 @@ from skinbake.io.waiting import Waiting, unseen
 from skinbake.scene.casters import Casters, joined_casters
 from skinbake.scene.maps import IMAGES
 from skinbake.scene.mesh import SkinMesh
-from skinbake.scene.spec import OccluderSpec, SceneSpec
+from skinbake.scene.mesh_files import OccluderSpec
+from skinbake.scene.spec import SceneSpec
 
 
 def read_look_mesh(spec: SceneSpec, waiting: Waiting = unseen) -> SkinMesh:

@@ -17,7 +17,7 @@ from skinbake.io.mesh.gltf_material import GltfMaterial, picture_of, read_materi
 from skinbake.io.mesh.parts import parts_matching
 from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.scene.casters import Casters
-from skinbake.scene.spec import OF_FILE
+from skinbake.scene.mesh_files import OF_FILE
 
 Image = NDArray[np.float32]
 

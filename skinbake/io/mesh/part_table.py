@@ -10,7 +10,8 @@ import numpy as np
 from skinbake.io.mesh.parts import CAST, SKIN, choose_parts
 from skinbake.io.mesh.placement import placed
 from skinbake.io.mesh.raw_file import read_raw
-from skinbake.scene.spec import MeshFileSpec, SceneSpec
+from skinbake.scene.mesh_files import MeshFileSpec
+from skinbake.scene.spec import SceneSpec
 
 
 @dataclass(frozen=True)

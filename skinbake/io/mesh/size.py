@@ -8,7 +8,7 @@ import numpy as np
 
 from skinbake.errors import InputError
 from skinbake.numerics import Float
-from skinbake.scene.spec import MM_PER_UNIT
+from skinbake.scene.mesh_files import MM_PER_UNIT
 
 HEAD_MM = (80.0, 1000.0)  # longest side of anything from a face mask to a bust
 BODY_MM = (1000.0, 2600.0)  # of a whole body, standing or with its arms out
