@@ -6,8 +6,9 @@ CONFIG ?= configs/head.yaml
 BATCH ?= configs/looks.yaml
 PYTHON ?= python3
 TESTERS ?= 2
-# Testers have a processor each: the threads of BLAS would wait for one another
-ALONE := OPENBLAS_NUM_THREADS=1
+# Testers have a processor each: the threads of BLAS would wait for one another. What they start, a hundred processes,
+# finds modules compiled, also where the environment says that Python is to leave none.
+ALONE := OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
 
 # A path as one word for the shell, whatever is in it
 QUOTED = '$(subst ','\'',$(1))'

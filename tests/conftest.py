@@ -1,4 +1,4 @@
-"""Shared fixtures: where real heads lie, and the switch that renews golden images."""
+"""Shared fixtures: where real heads lie, plots that take no time, and the switch that renews golden images."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.plots import PLOT, draw_fit_plot, stamp_fit_plot
 from tests.progress import Progress
 
 ROOT = Path(__file__).parent.parent
@@ -19,6 +20,20 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     if config.get_verbosity() <= 0 and not hasattr(config, "workerinput"):  # else each test has its line already
         config.pluginmanager.register(Progress())
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quick_plots():
+    """What bakes in this process leaves a stamp as the fit's plot; see `drawn_plots`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PLOT, stamp_fit_plot)
+        yield
+
+
+@pytest.fixture
+def drawn_plots(monkeypatch):
+    """The fit's plot is drawn, as it is for users."""
+    monkeypatch.setattr(PLOT, draw_fit_plot)
 
 
 @pytest.fixture

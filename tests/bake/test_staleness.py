@@ -20,7 +20,6 @@ from pydantic import BaseModel
 from skinbake.baking.bake_look import bake_look
 from skinbake.baking.session import BakeSession
 from skinbake.errors import ToleranceMissedError
-from skinbake.io.atomic import write_text
 from skinbake.io.config import load_look
 from skinbake.io.exr import Part, rgb_channels, write_parts
 from skinbake.io.png import write_png
@@ -102,6 +101,7 @@ def plain(**parts):
 CAMERA = {"preview.camera.target_mm": [0, 3, 0], "preview.camera.distance_mm": 80.0}
 BASES = {
     "head": plain(
+        skin=PLAIN["skin"] | {"fit": {"gaussians": 2}},  # for the map of radii all are fitted
         mesh=PLAIN["mesh"] | {"cast": ["Eye"], "ignore": ["Lash"]},
         maps={
             "albedo": {"path": "albedo.exr", "layer": "one"}, "normal": {"path": "normal.exr", "layer": "one"},
@@ -346,10 +346,7 @@ def each_change():
 
 @pytest.fixture(autouse=True)
 def quick_writing(monkeypatch):
-    """The fit's figures in place of their plot, each fit made once, and no waiting for the disk.
-
-    All that is nine tenths of a bake of a few texels.
-    """
+    """Each fit is made once, and nothing waits for the disk."""
     fits = {}
 
     def fit_once(skin, table, over):
@@ -360,7 +357,6 @@ def quick_writing(monkeypatch):
 
     monkeypatch.setattr("skinbake.baking.inputs.fit_skin", fit_once)
     monkeypatch.setattr("skinbake.diffuse.planning.texture_size.SMALLEST", 16)
-    monkeypatch.setattr("skinbake.io.profile_plot.write_fit_plot", lambda path, fit: write_text(path, repr(fit.curve)))
     monkeypatch.setattr("os.fsync", lambda file: None)
     monkeypatch.setattr("skinbake.relight.transfer.unseen_lights", lambda seed: unseen_lights(seed)[32:34])
 

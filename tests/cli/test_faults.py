@@ -35,7 +35,7 @@ lights:
   - {name: key, type: directional, direction: [-0.6, 0, -0.8], irradiance: [1, 2, 3]}
   - {name: lamp, type: point, position_mm: [10, 20, 60], intensity: [900, 800, 700]}
 diffusion: {method: surface, tolerance: 1.0, probes: 50}
-terms: {energy_conservation: off, transmission: off}
+terms: {energy_conservation: off, transmission: off, interreflection: off}
 output: {dir: out, tx: true}
 """
 KILLS = int(os.environ.get("SKINBAKE_KILLS", "5"))  # `make faults` kills fifty times

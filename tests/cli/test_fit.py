@@ -9,6 +9,8 @@ from skinbake.io.table import read_profile_csv
 SKIN1 = "sigma_a_per_mm: [0.032, 0.17, 0.48]\nsigma_sp_per_mm: [0.74, 0.88, 1.01]\nfit: {gaussians: 4}\n"
 PRESET = "preset: gpugems3-six-gaussians\n"
 
+pytestmark = pytest.mark.usefixtures("drawn_plots")
+
 
 @pytest.fixture
 def config(tmp_path):

@@ -146,6 +146,7 @@ SMALL = ["--set", f"texture.size={128 if STOPS else 32}", "--set", "preview.size
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
 @pytest.mark.parametrize("verb", VERBS)
 @pytest.mark.slow  # a process for each moment
+@pytest.mark.usefixtures("drawn_plots")  # as those processes do
 def test_ctrl_c_at_any_moment(look, verb, capsys):
     """130 within two seconds, one line, no child and no unfinished file; the next run ends in the same bytes."""
     if verb == "preview" and renderer_name() is None:

@@ -1,4 +1,4 @@
-"""Bakes that can be killed: a process that has everything imported, and forks a child for each command.
+"""Bakes that can be killed: a process that has everything imported and loaded, and forks a child for each command.
 
 A line on stdin is a JSON object: `arguments` of skinbake, `kill_after` seconds or `die_at`, the number of the step on
 the file system (fsync, rename, removal) that is never made. The answer is a line with `code` (minus the signal, if one
@@ -14,6 +14,19 @@ import sys
 import tempfile
 import threading
 import time
+from pathlib import Path
+
+LOOK = """\
+mesh: {path: mesh.obj, unit: mm, any_size: true}
+texture: {size: 16, gutter: 2}
+skin: {model: gaussians, variance_mm2: [0.05, 1.0], weight_rgb: [[0.5, 0.6, 0.7], [0.5, 0.4, 0.3]]}
+lights:
+  - {name: key, type: directional, direction: [-0.6, 0, -0.8], irradiance: [1, 2, 3]}
+  - {name: lamp, type: point, position_mm: [10, 20, 60], intensity: [900, 800, 700]}
+diffusion: {method: surface, tolerance: 1.0, probes: 50}
+terms: {energy_conservation: off, transmission: off, interreflection: off}
+output: {dir: out}
+"""
 
 
 def child(command: dict, counter: int, said: str) -> None:
@@ -42,11 +55,31 @@ def child(command: dict, counter: int, said: str) -> None:
     os._exit(code)
 
 
+def load() -> None:
+    """Bake something else in memory, so that no child has to load kernels; plots are stamped, in the children as well.
+
+    No file is written: OpenEXR's threads, which a child would wait for, begin with the first.
+    """
+    import skinbake
+    import skinbake.baking.bake_look
+    import skinbake.cli.preview
+    from skinbake.baking import session
+    from skinbake.io import profile_plot
+    from skinbake.io.mesh import write_obj
+    from tests.plots import stamp_fit_plot
+    from tests.shapes import relief
+
+    profile_plot.write_fit_plot = stamp_fit_plot
+    with tempfile.TemporaryDirectory() as folder:
+        write_obj(Path(folder, "mesh.obj"), relief(segments=4))
+        Path(folder, "look.yaml").write_text(LOOK)
+        skinbake.bake(skinbake.load_look(Path(folder, "look.yaml")))
+    session._LAST.clear()
+
+
 def serve() -> None:
     """Answer commands until stdin ends."""
-    import skinbake.baking.bake_look
-    import skinbake.cli.preview  # noqa: F401
-
+    load()
     for line in sys.stdin:
         command = json.loads(line)
         read, write = os.pipe()
