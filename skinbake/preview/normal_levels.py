@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.numerics import safe_div
+from skinbake.numerics import safe_div, sqr
 
 LEVELS = 6  # the last texel stands for 32 x 32: beyond that, most are mixed with those of other charts
 _BAND = 64  # rows; even
@@ -60,9 +60,12 @@ def _units(normal: NDArray[np.floating], bend: NDArray[np.float32], space: str) 
     """
     unit = normal.astype(np.float32) * bend
     if space == "tangent":  # one that points into the skin leaves it smooth
-        unit = np.where(unit[..., 2:] > 0, unit, np.array([0, 0, 1], np.float32))
-    length = np.linalg.norm(unit, axis=2, keepdims=True)
-    return np.concatenate([safe_div(unit, length), length > 0], axis=2).astype(np.float32)
+        unit[~(unit[..., 2] > 0)] = (0, 0, 1)
+    length = np.sqrt(sqr(unit[..., 0]) + sqr(unit[..., 1]) + sqr(unit[..., 2]))
+    out = np.empty((*unit.shape[:2], 4), np.float32)
+    out[..., 3] = length > 0
+    np.multiply(unit, (out[..., 3] / np.where(length > 0, length, np.float32(1)))[..., None], out=out[..., :3])
+    return out
 
 
 def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:

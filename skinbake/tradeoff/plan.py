@@ -117,7 +117,7 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     for scale in ((0.5,), (0.25, 0.5), (0.125, 0.25, 0.5, 0.75))[level]:
         add("size", _size(size, scale).partition("=")[2].strip("[]").replace(", ", " x "), _size(size, scale))
     storage = {"float": "output.precision=float", "lights summed": "output.lights=total"}
-    storage |= {"uncompressed": "output.compression=none", "piz": "output.compression=piz"}
+    storage |= {"uncompressed": "output.compression=none", "zip": "output.compression=zip"}
     for label in list(storage)[: (1, 3, 4)[level]]:
         add("storage", label, storage[label])
     if _area_lights(spec):

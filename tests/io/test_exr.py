@@ -30,7 +30,7 @@ def test_float_parts_come_back_as_they_were(tmp_path):
     assert read_attributes(tmp_path / "a.exr")["irradiance"]["size"] == [53, 37]
 
 
-@pytest.mark.parametrize("compression", ["none", "rle", "zips", "zip", "piz"])
+@pytest.mark.parametrize("compression", ["auto", "none", "rle", "zips", "zip", "piz"])
 def test_half_parts_are_what_as_stored_says(tmp_path, compression):
     """`as_stored` is the file without the file, so that a resumed bake cannot differ from an undisturbed one."""
     write_parts(tmp_path / "a.exr", [part()], compression=compression)
