@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.api.baked_skin import BakedSkin
-from skinbake.io.image import filled
+from skinbake.io.image_values import filled
 from skinbake.io.mesh.write_glb import GlbMaterial, GlbPrimitive, write_glb
 from skinbake.io.scene_files import read_scene
 from skinbake.preview.geometry import vertex_buffers

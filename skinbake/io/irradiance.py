@@ -11,7 +11,8 @@ import numpy as np
 
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_part_files, write_parts
-from skinbake.io.image import RINGING, read_radiance
+from skinbake.io.image import read_radiance
+from skinbake.io.image_values import RINGING
 from skinbake.irradiance import IrradianceMap
 from skinbake.scene.decision import Decision
 

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, interpolate, on_charts, rasterize, sample_map, tile_of_face
 from skinbake.errors import InputError, SkinbakeError
-from skinbake.io.image import filled, ggx_as_beckmann, inward_normals, missing_tiles, read_maps
+from skinbake.io.image_values import filled
+from skinbake.io.map_values import ggx_as_beckmann
 from skinbake.io.mesh.gltf_file import GltfFile
 from skinbake.io.mesh.gltf_material import GltfMaterial, picture_of, read_materials
 from skinbake.io.mesh.look_mesh import refuse_unpainted
+from skinbake.io.read_maps import inward_normals, missing_tiles, read_maps
 from skinbake.io.repaint import painted_mesh, repaint
 from skinbake.profile.skin_albedo import albedo_of_skin
 from skinbake.scene.map_files import MapsSpec

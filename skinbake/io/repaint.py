@@ -8,7 +8,7 @@ import numpy as np
 
 from skinbake.atlas import FIRST_TILE, rasterize, sample_map, tiles_of
 from skinbake.errors import InputError
-from skinbake.io.image import filled
+from skinbake.io.image_values import filled
 from skinbake.irradiance.fine_normals import add_fine_normals
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.scene.maps import IMAGES, OF_SKIN, SkinMaps

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from skinbake.atlas import on_charts, tiles_of
 from skinbake.errors import InputError
 from skinbake.io.environment import read_environments
-from skinbake.io.image import read_maps
 from skinbake.io.look_maps import read_look_maps
 from skinbake.io.mesh import read_look_mesh
+from skinbake.io.read_maps import read_maps
 from skinbake.io.repaint import painted_mesh
 from skinbake.io.waiting import Waiting, unseen
 from skinbake.irradiance.occluder import Occluder

@@ -691,7 +691,7 @@ def image_seeds() -> Seeds:
 
 
 def read_image(path: Path) -> None:
-    from skinbake.io.image import read_maps
+    from skinbake.io.read_maps import read_maps
     from skinbake.scene.map_files import MapsSpec
 
     one = {"path": str(path), "channel": "g"}  # colours that differ are refused where one number is wanted

@@ -10,8 +10,10 @@ from skinbake.atlas import on_charts
 from skinbake.bilinear import magnify_bilinear
 from skinbake.errors import InputError
 from skinbake.io.colour import srgb_to_linear
-from skinbake.io.image import ggx_as_beckmann, inward_normals, missing_tiles, read_map, read_maps, read_radiance
+from skinbake.io.image import read_map, read_radiance
+from skinbake.io.map_values import ggx_as_beckmann
 from skinbake.io.png import write_png
+from skinbake.io.read_maps import inward_normals, missing_tiles, read_maps
 from skinbake.scene.map_files import MapsSpec
 from tests.images import ACES_AP1, P3_D65, icc_profile, save
 from tests.shapes import quad

@@ -6,7 +6,7 @@ import pytest
 
 from skinbake.errors import MachineError
 from skinbake.io import image_memory
-from skinbake.io.image import read_maps
+from skinbake.io.read_maps import read_maps
 from skinbake.scene.map_files import MapsSpec
 from tests.images import flat_png
 
@@ -16,7 +16,7 @@ def test_a_picture_that_no_memory_holds_is_refused_undecoded(tmp_path, monkeypat
     path = flat_png(tmp_path / "huge.png", 30000, 30000)
     assert path.stat().st_size < 5e6
     monkeypatch.setattr(image_memory, "physical_memory_bytes", lambda: 4 << 30)
-    monkeypatch.setattr("skinbake.io.image.read_stored", lambda *_: pytest.fail("it was decoded"))
+    monkeypatch.setattr("skinbake.io.read_maps.read_stored", lambda *_: pytest.fail("it was decoded"))
     with pytest.raises(MachineError, match=r"huge\.png: 30000 x 30000 texels need about 11 GiB .* has 4 GiB"):
         read_maps(MapsSpec(albedo=str(path)))
 

@@ -7,7 +7,7 @@ import OpenImageIO as oiio
 import pytest
 
 from skinbake.io.colour import srgb_to_linear
-from skinbake.io.image import read_maps
+from skinbake.io.read_maps import read_maps
 from skinbake.scene.map_files import MapsSpec
 from tests.images import save
 

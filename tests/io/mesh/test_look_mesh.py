@@ -7,9 +7,9 @@ import pytest
 
 from skinbake.errors import ConfigError, InputError
 from skinbake.io.config import load_look
-from skinbake.io.image import read_maps
 from skinbake.io.mesh import read_look_mesh, write_obj
 from skinbake.io.png import write_png
+from skinbake.io.read_maps import read_maps
 from skinbake.io.repaint import repaint
 from skinbake.scene.casters import OPAQUE
 from tests.gltf_files import plain
