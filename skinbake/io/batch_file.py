@@ -9,17 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from skinbake.errors import ConfigError, InputError
-from skinbake.io.config import (
-    apply_overrides,
-    frame_name,
-    frames_of,
-    load_frames,
-    merge_preset,
-    parse_look,
-    put,
-    resolve_paths,
-)
+from skinbake.io.config import frames_of, load_frames, parse_look
+from skinbake.io.frames import frame_name
+from skinbake.io.look_paths import resolve_paths
 from skinbake.io.merge import lay_over, part_of
+from skinbake.io.overrides import apply_overrides, put
+from skinbake.io.presets import merge_preset
 from skinbake.io.yaml_lines import Located, read_yaml
 from skinbake.scene.batch import BatchSpec, PlannedJob, expand
 from skinbake.scene.parse import parse

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from skinbake.io.bake_folder import BakeFolder
-from skinbake.io.config import load_named_skin, skin_names
+from skinbake.io.config import load_named_skin
+from skinbake.io.presets import skin_names
 from skinbake.io.table import read_profile_csv
 from skinbake.preview.other_skin import OtherSkin, stored_variances
 from skinbake.profile.gaussian_sum import GaussianSum

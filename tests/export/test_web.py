@@ -17,9 +17,9 @@ from skinbake.cli.preview import shown_with
 from skinbake.errors import InputError
 from skinbake.export.web import NAME
 from skinbake.io.bake_folder import read_bake_folder
-from skinbake.io.config import skin_names
 from skinbake.io.other_skins import other_skin
 from skinbake.io.png import write_png
+from skinbake.io.presets import skin_names
 from skinbake.io.webp import webp_pixels
 from skinbake.page.batch_page import PageLook, batch_page
 from skinbake.page.coded_image import coded

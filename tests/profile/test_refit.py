@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from skinbake.errors import InputError
-from skinbake.io.config import load_named_skin, skin_names
+from skinbake.io.config import load_named_skin
+from skinbake.io.presets import skin_names
 from skinbake.profile import fit_skin
 from skinbake.profile.fit import more_gaussians
 from skinbake.profile.refit import refit
