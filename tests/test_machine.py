@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from skinbake.cli.measuring import in_child
+from skinbake.cli.child_process import in_child
 from skinbake.errors import MachineError
 from skinbake.irradiance.occluder import Occluder
 from skinbake.machine import require_memory, reuse_freed

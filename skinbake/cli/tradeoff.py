@@ -136,7 +136,7 @@ class Measurements:
 
     def measure(self, repeats: int) -> bool:
         """Bring every setting to `repeats` runs, in alternating order; True if Ctrl-C ended it."""
-        from skinbake.cli.measuring import Child, in_child
+        from skinbake.cli.child_process import Child, in_child
         from skinbake.interrupt import saving
         from skinbake.progress import counted
 
@@ -189,7 +189,8 @@ class Measurements:
         return self.folder / "references" / f"{self._key(self.specs[reference.overrides], reference)}.npz"
 
     def _make_reference(self, name: str) -> None:
-        from skinbake.cli.measuring import in_child, measure_reference
+        from skinbake.cli.child_process import in_child
+        from skinbake.cli.measuring import measure_reference
         from skinbake.io.tradeoff import write_reference
 
         spec = self.specs[self.references[name].overrides]
@@ -199,7 +200,8 @@ class Measurements:
 
     def _measure_size(self) -> None:
         """Error of the sweep's texture size itself: the same integral over twice the size, at the same probes."""
-        from skinbake.cli.measuring import in_child, measure_reference
+        from skinbake.cli.child_process import in_child
+        from skinbake.cli.measuring import measure_reference
         from skinbake.io.tradeoff import append_run
         from skinbake.tradeoff import difference
 
@@ -312,7 +314,7 @@ class Measurements:
 
 
 def _probed(reference: dict[str, Any]) -> Any:
-    from skinbake.cli.measuring import Probed
+    from skinbake.cli.exact_values import Probed
 
     return Probed(*(reference[name] for name in ("place", "tile", "position_mm", "normal", "texture_mm2")))
 

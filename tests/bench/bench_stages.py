@@ -13,7 +13,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from skinbake.cli.measuring import Child, own_peak_mib
+from skinbake.cli.child_process import Child
+from skinbake.cli.measuring import own_peak_mib
 from skinbake.diffuse import memory_needed_bytes
 from tests.shapes import relief
 

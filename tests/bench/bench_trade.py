@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from skinbake.cli.measuring import Probed, in_child, measure_bake, measure_reference
+from skinbake.cli.child_process import in_child
+from skinbake.cli.exact_values import Probed
+from skinbake.cli.measuring import measure_bake, measure_reference
 from skinbake.io.config import load_look
 from skinbake.preview.image_metrics import image_similarity
 from skinbake.tradeoff import difference, plan_sweep

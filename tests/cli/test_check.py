@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from skinbake.cli import run
-from skinbake.cli.measuring import in_child, own_peak_mib
+from skinbake.cli.child_process import in_child
+from skinbake.cli.measuring import own_peak_mib
 from skinbake.io.mesh import write_obj
 from tests.conftest import ROOT
 from tests.images import flat_png, save

@@ -6,7 +6,8 @@ import pytest
 
 from skinbake.baking.warnings import EMPTY_PICTURE
 from skinbake.cli import run
-from skinbake.cli.preview import parse_lights, parse_size, render_still
+from skinbake.cli.preview import render_still
+from skinbake.cli.preview_arguments import parse_lights, parse_size
 from skinbake.errors import InputError
 from skinbake.io.exr import read_parts
 from skinbake.io.manifest import read_manifest

@@ -12,7 +12,7 @@ from PIL import Image
 
 import skinbake
 from skinbake.cli import run
-from skinbake.cli.preview import parse_sun
+from skinbake.cli.preview_arguments import parse_sun
 from skinbake.errors import InputError
 from skinbake.io.exr import read_parts
 from skinbake.io.mesh import write_obj

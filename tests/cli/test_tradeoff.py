@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skinbake.cli import run
-from skinbake.cli.measuring import Child, exact_values, in_child
+from skinbake.cli.child_process import Child, in_child
+from skinbake.cli.exact_values import exact_values
 from skinbake.errors import InputError, MachineError
 from skinbake.io.config import load_look
 from skinbake.io.mesh import write_obj
