@@ -24,6 +24,7 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
 from skinbake.diffuse.terms.beam import BeamLight
+from skinbake.machine import return_freed
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.scene.budget import FIT, is_within
@@ -126,6 +127,7 @@ def diffuse(
         plans, decisions = plan_fixed(memoizer.resources, fixed, gaussians)
 
     # Make and measure
+    return_freed()  # arrays of other sizes than those to come
     tell("measuring points")
     probes = draw_probes(geometry, spec.probes, seed, VERIFY)
     arrives = area_sum(scaled, geometry.points)

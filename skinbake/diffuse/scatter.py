@@ -24,6 +24,7 @@ from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.machine import return_freed
 from skinbake.profile import GaussianSum
 from skinbake.profile.fit import more_gaussians
 from skinbake.profile.incidence import Incidence
@@ -84,6 +85,7 @@ def scatter(
     if base is not None:
         entering = _curved_as(entering, spec, decisions, scene, gaussians, medium)
     aside.rest()
+    return_freed()
     known = partial(_by_digest, remember, entering.digests()) if remember else None
     diffused = diffuse(
         {tile: aside.array(entering.rgb.pop(tile)) for tile in list(entering.rgb)},

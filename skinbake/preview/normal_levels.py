@@ -38,14 +38,19 @@ def normal_levels(normal: NDArray[np.floating], strength: float, space: str) -> 
     bands = (normal[row : min(row + _BAND, last)] for row in range(0, last, _BAND))
     sums = np.concatenate([_halved(_units(band, bend, space)) for band in bands])
     while True:
-        mean = safe_div(sums[..., :3], sums[..., 3:])
-        kept = np.linalg.norm(mean, axis=2, keepdims=True)
-        varied = np.maximum(2 * safe_div(1 - kept, kept), 0)
-        level = np.concatenate([safe_div(mean, bend), np.minimum(varied, 1)], axis=2)
-        levels.append(level.astype(normal.dtype))
+        bands = (sums[row : row + _BAND] for row in range(0, len(sums), _BAND))
+        levels.append(np.concatenate([_level(band, bend).astype(normal.dtype) for band in bands]))
         if len(levels) == LEVELS or max(sums.shape[:2]) == 1:
             return levels
         sums = _halved(sums)
+
+
+def _level(sums: NDArray[np.float32], bend: NDArray[np.float32]) -> NDArray[np.floating]:
+    """Mean normals and the sum of both slopes' variances, (h, w, 4), from sums as `_units` begins them."""
+    mean = safe_div(sums[..., :3], sums[..., 3:])
+    kept = np.linalg.norm(mean, axis=2, keepdims=True)
+    varied = np.maximum(2 * safe_div(1 - kept, kept), 0)
+    return np.concatenate([safe_div(mean, bend), np.minimum(varied, 1)], axis=2)
 
 
 def _units(normal: NDArray[np.floating], bend: NDArray[np.float32], space: str) -> NDArray[np.float32]:

@@ -53,6 +53,7 @@ class Surface(DiffusionMethod):
                 least_sigma = resources.least_sigma(level)[tile]
                 left = interpolate_smooth(coarse[tile], points.row, least_sigma, float(np.sqrt(variance)), image)
                 points = points._replace(row=left)
+            resources.rest()
             gather(points, sources, variance, resources.rule, image.reshape(resources.lights, -1, 3))
             if gain is not None:
                 image *= np.where(points.row >= 0, gain[tile], np.float32(1))[..., None]
