@@ -63,8 +63,17 @@ class PreviewWorker:
 
         self._renderer = self._do(ready)
 
-    def draw(self, scene: PreviewScene, look: PreviewSpec) -> NDArray[np.uint8]:
+    def draw(
+        self, scene: PreviewScene, look: PreviewSpec, sent: Callable[[], None] = lambda: None
+    ) -> NDArray[np.uint8]:
         """The picture of a scene with the mesh that was prepared, if any was; sRGB of shape (H, W, 3).
+
+        Parameters
+        ----------
+        scene : PreviewScene
+        look : PreviewSpec
+        sent : callable, optional
+            Called after each texture that was sent.
 
         Raises
         ------
@@ -78,7 +87,7 @@ class PreviewWorker:
 
         def work() -> NDArray[np.uint8]:
             if prepared:
-                renderer.set_scene(scene)
+                renderer.set_scene(scene, sent)
             return draw_still(renderer, look)
 
         return self._do(work).result()

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.diffuse.diffuse_map import Lobe
@@ -25,7 +24,7 @@ class Aside(NamedTuple):
     """
 
     lobe: Callable[[Lobe], Lobe]
-    array: Callable[[NDArray[np.float32]], NDArray[np.float32]]
+    array: Callable[[NDArray[Any]], NDArray[Any]]
     rest: Callable[[], None]
 
 

@@ -104,7 +104,7 @@ def diffuse(
     tiles = checked_source(source, lights, atlas)
     check_memory(atlas[0].shape, len(lights), len(atlas), len(gaussians.variance_mm2), spec.method, beam is not None)
     scaled, exponents = scaled_source(tiles)
-    geometry = SkinGeometry(atlas, mesh)
+    geometry = SkinGeometry(atlas, mesh, aside)
     weights = skin.weights if skin else SkinWeights.of(gaussians, SkinMaps())
     share = skin.share if skin else None
     memoizer = Memoizer(LobeResources(scaled, geometry, spec, share, aside), lights, remember)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import FIRST_TILE, Atlas, Tiled, Tiles, rasterize
+from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.surface_space.points import TexelPoints, extended_points, mean_texel_mm2, texel_points
 from skinbake.diffuse.surface_space.upsample import least_sigma
 from skinbake.diffuse.texture_space.blur import level_size, mean_mm_per_texel
@@ -28,10 +29,12 @@ class SkinGeometry:
     atlas : Atlas
         At the full size.
     mesh : SkinMesh
+    aside : Aside, optional
+        Where points stand while nobody reads them.
     """
 
-    def __init__(self, atlas: Atlas, mesh: SkinMesh) -> None:
-        self.atlas, self.mesh = atlas, mesh
+    def __init__(self, atlas: Atlas, mesh: SkinMesh, aside: Aside = IN_MEMORY) -> None:
+        self.atlas, self.mesh, self._aside = atlas, mesh, aside
         self.size = atlas[0].shape
         self._atlases: dict[int, Atlas] = {0: atlas}
         self._targets: dict[int, Tiled[TexelPoints]] = {}
@@ -85,6 +88,8 @@ class SkinGeometry:
             self._targets[level] = {
                 r.tile: extended_points(own[r.tile], r, self.mesh, self.centre_mm) for r in self.level_atlas(level)
             }
+            for tile, points in self._targets[level].items():
+                self._targets[level][tile] = points._replace(position=self._aside.array(points.position))
         return self._targets[level]
 
     def least_sigma(self, level: int, gap: float) -> Tiles:
@@ -98,4 +103,5 @@ class SkinGeometry:
         return self._least_sigma[level, gap]
 
     def _points(self, level: int) -> Tiled[TexelPoints]:
-        return {r.tile: texel_points(r, self.mesh, self.centre_mm) for r in self.level_atlas(level)}
+        points = {r.tile: texel_points(r, self.mesh, self.centre_mm) for r in self.level_atlas(level)}
+        return {tile: TexelPoints(*map(self._aside.array, each)) for tile, each in points.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -189,9 +190,15 @@ class OffscreenRenderer:
             raise MachineError(f"no memory for a picture of {width} x {height}: {error.description}") from error
         return renderer.target
 
-    def set_scene(self, scene: PreviewScene) -> None:
+    def set_scene(self, scene: PreviewScene, sent: Callable[[], None] = lambda: None) -> None:
         """Draw another scene of the same mesh from now on, so that the mesh can be made ready while textures are
         computed.
+
+        Parameters
+        ----------
+        scene : PreviewScene
+        sent : callable, optional
+            Called after each texture that was sent: memory that it was read into may be freed.
 
         Raises
         ------
@@ -199,7 +206,7 @@ class OffscreenRenderer:
             If the mesh or the tiles differ.
         """
         self._platform.make_current()
-        self._renderer.set_scene(scene)
+        self._renderer.set_scene(scene, sent)
         self.scene = scene
 
     @property

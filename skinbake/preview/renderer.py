@@ -7,7 +7,7 @@ frame buffer (8 bit), and the shader.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -152,8 +152,14 @@ class SkinRenderer(Renderer):
         self.viewport_width, self.viewport_height = self.target.width, self.target.height
         self.render(self.graph, RenderFlags.OFFSCREEN)
 
-    def set_scene(self, scene: PreviewScene) -> None:
+    def set_scene(self, scene: PreviewScene, sent: Callable[[], None] = lambda: None) -> None:
         """Draw another scene from now on, with other textures on the same mesh.
+
+        Parameters
+        ----------
+        scene : PreviewScene
+        sent : callable, optional
+            Called after each texture that was sent: memory that it was read into may be freed.
 
         Raises
         ------
@@ -168,7 +174,7 @@ class SkinRenderer(Renderer):
         self._check_units()
         for tile, textures in self._textures.items():
             textures.delete()
-            self._textures[tile] = TileTextures(scene, tile, self._shared)
+            self._textures[tile] = TileTextures(scene, tile, self._shared, sent)
         self._folded.delete()
         self._folded = SummedLobes()
 

@@ -6,7 +6,7 @@ pyrender's own textures turn floats into 8 bit, so these are made with PyOpenGL 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,8 +156,10 @@ class TileTextures:
     lobe_sizes : dict of str to (width, height)
     """
 
-    def __init__(self, scene: PreviewScene, tile: int, shared: Mapping[str, int]) -> None:
-        maps, self.tile = scene.maps, tile
+    def __init__(
+        self, scene: PreviewScene, tile: int, shared: Mapping[str, int], sent: Callable[[], None] = lambda: None
+    ) -> None:
+        maps, self.tile, self._sent = scene.maps, tile, sent
         lobes = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
         self.lobe_sizes = {name: (image.shape[2], image.shape[1]) for name, image in lobes.items()}
         self._images: dict[str, NDArray[np.floating]] = lobes | {
@@ -189,6 +191,7 @@ class TileTextures:
             image = self._images[name]
             levels = name == "normal_map" and self.has_normal_map
             self._own[name] = upload_levels(normal_levels(image[0], *self._normal_kind)) if levels else upload(image)
+            self._sent()
         return self._own[name]
 
     def set_weights(self, scene: PreviewScene) -> None:

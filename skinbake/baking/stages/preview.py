@@ -66,7 +66,7 @@ class PreviewStage(Stage[Pixels, bool]):
         inputs.close()  # mesh, maps and raster: a quarter of a gigabyte that nothing yet to come has use for
         self._stages.raster.close()
         self._results.spool.rest()
-        return self._worker.draw(scene, inputs.spec.preview)
+        return self._worker.draw(scene, inputs.spec.preview, self._results.spool.rest)
 
     def store(self, made: Pixels) -> bool:
         """Keep the picture."""
