@@ -25,6 +25,7 @@ from skinbake.diffuse.surface_space.upsample import widest_gap
 from skinbake.diffuse.texture_space.blur import TexturePyramid, level_margin, level_size, texture_pyramids
 from skinbake.diffuse.texture_space.blur_error import BlurErrorPredictor
 from skinbake.diffuse.texture_space.uv_gaps import distance_to_foreign
+from skinbake.machine import return_freed
 from skinbake.numerics import Float
 from skinbake.scene.spec import DiffusionSpec
 
@@ -91,7 +92,9 @@ class LobeResources:
         self._clusters = {key: tree for key, tree in self._clusters.items() if key[0] != variance_mm2}
 
     def _every_texel(self) -> SourceTree:
-        return self._put_aside(source_tree(self.lit))
+        tree = self._put_aside(source_tree(self.lit))
+        return_freed()  # as much again
+        return tree
 
     def _put_aside(self, tree: SourceTree) -> SourceTree:
         tree = replace(tree, leaf=self._aside.array(tree.leaf))
