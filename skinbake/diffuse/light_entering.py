@@ -26,9 +26,11 @@ from skinbake.diffuse.terms.beam import (
 )
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin, formed_already
 from skinbake.diffuse.terms.interreflection import (
+    SkinLight,
     add_at_full_size,
     bounced_light,
     decide_interreflection,
+    fitted,
     look_around,
     receivers,
 )
@@ -78,6 +80,8 @@ class LightEntering:
     plan : tuple of Decision
     curved : CurvedSkin, optional
         What curvature makes of the lobes, where that is counted.
+    skin_light : SkinLight, optional
+        How skin lights skin, where that is counted.
     """
 
     names: tuple[str, ...]
@@ -87,6 +91,7 @@ class LightEntering:
     slanted: frozenset[str]
     plan: tuple[Decision, ...]
     curved: CurvedSkin | None = None
+    skin_light: SkinLight | None = None
 
     def digests(self) -> dict[str, str]:
         """Digest of each light by name: the same light gives the same lobes, whatever it was made of."""
@@ -181,7 +186,7 @@ def light_entering(
     limits = [min(budget.terms_left(of, left_wrong(plan, (of,), 0.0)) for of in held[name]) for name in names]
     weights = SkinWeights.of(gaussians, scene.maps)
     reflected = [a * weights.total_image(r.tile, r.shape) for a, r in zip(albedo, atlas, strict=True)]
-    lines = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
+    lines, skin_light = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
     plan += lines
 
     area = [raster.area_mm2[..., None] for raster in atlas]
@@ -194,7 +199,7 @@ def light_entering(
     free_path = free_path_of(medium)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
     mean_albedo = total / sum(map(np.sum, area))
-    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), curved)
+    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), curved, skin_light)
 
 
 def _named(spec: SceneSpec, name: str) -> LightSpec:
@@ -324,8 +329,8 @@ def _bounce(
     reflected: list[Image],
     gain: dict[str, Image],
     limits: list[float],
-) -> list[Decision]:
-    """Add to each light what skin sends on to skin, where that is worth it, and say so and how coarsely.
+) -> tuple[list[Decision], SkinLight | None]:
+    """Add to each light what skin sends on to skin, where that is worth it; the plan's lines, and how that was done.
 
     Parameters
     ----------
@@ -344,13 +349,13 @@ def _bounce(
     """
     terms, udim = spec.terms, spec.texture.udim
     if terms.interreflection == "off":
-        return [Decision("interreflection", False, "off")]
+        return [Decision("interreflection", False, "off")], None
     again = [colour * np.mean(list(gain.values()), axis=0) for colour in reflected]
     lines, bounced = decide_interreflection(
         scene.mesh, scene.occluder, names, list(light.values()), again, atlas, udim, terms.interreflection, limits
     )
     if not any(line.enabled for line in lines):
-        return lines
+        return lines, None
     kept = [i for i, line in enumerate(lines) if line.enabled]
     taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
     for i in kept:
@@ -358,6 +363,7 @@ def _bounce(
     view = look_around(
         scene.mesh, scene.occluder, spec.texture.size, spec.texture.gutter, udim, taken.width_mm, taken.rays
     )
+    bounces = {}
     for i, (name, line) in enumerate(zip(names, lines, strict=True)):
         if not line.enabled:
             continue
@@ -371,7 +377,9 @@ def _bounce(
         )
         for raster, small in zip(atlas, found.tiles, strict=True):
             add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
-    return lines
+        bounces[name] = found.bounces
+    seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
+    return lines, SkinLight(view, seen, {name: gain[name] for name in bounces}, bounces)
 
 
 def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> Image:

@@ -21,7 +21,9 @@ from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.beam import free_path_of
 from skinbake.diffuse.terms.curvature import curve_skin
+from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
+from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.machine import return_freed
@@ -87,8 +89,9 @@ def scatter(
     aside.rest()
     return_freed()
     known = partial(_by_digest, remember, entering.digests()) if remember else None
+    rgb = {tile: aside.array(entering.rgb.pop(tile)) for tile in list(entering.rgb)}
     diffused = diffuse(
-        {tile: aside.array(entering.rgb.pop(tile)) for tile in list(entering.rgb)},
+        rgb,
         entering.names,
         atlas,
         scene.mesh,
@@ -105,8 +108,23 @@ def scatter(
         aside=aside._replace(lobe=IN_MEMORY.lobe) if entering.curved else aside,
     )
     mean_albedo, plan, curved = entering.mean_albedo, entering.plan, entering.curved
+    skin_light = entering.skin_light
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
-    del entering
+    share, thin, arrived = uniform_scatter(gaussians, spec.skin), None, None
+    if spec.terms.transmission != "off":
+        thin = ThinParts.of(
+            scene.mesh,
+            gaussians,
+            spec.texture.size,
+            spec.texture.gutter,
+            spec.texture.udim,
+            mean_albedo,
+            scene.occluder,
+            skin_medium(spec.skin),
+            share,
+        )
+        arrived = SmallLight.of(rgb, thin) if skin_light else None
+    del entering, rgb
     texture, terms, budget = spec.texture, spec.terms, decisions.budget
     # What each light's terms have left, the blur's error taken as measured
     blur, lights = diffused.error.rms if diffused.error else budget.blur, irradiance[0].lights
@@ -124,15 +142,16 @@ def scatter(
         mean_albedo,
         terms.transmission,
         spec.diffusion.tolerance,
-        None if terms.transmission == "off" else scene.occluder,
-        skin_medium(spec.skin),
-        limit,
-        through_by,
-        uniform_scatter(gaussians, spec.skin),
+        limit=limit,
+        lights=through_by,
+        scatter=share,
+        thin=thin,
         rest=aside.rest,
     )
-    through = through and aside.lobe(through)
     lobes = curved.applied(diffused.lobes) if curved else diffused.lobes
+    if through is not None and arrived is not None and skin_light is not None:
+        through = sent_on(through, lobes, arrived, diffused.lights, skin_light, spec, scene, gaussians, aside.rest)
+    through = through and aside.lobe(through)
     if gaussians.table is not None:
         plan = (table_decision(gaussians, gaussians.table, spec.skin), *plan)
     plan = (*plan, *diffused.plan, line)

@@ -24,15 +24,18 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.interreflection import (
+    SkinLight,
     SkinView,
     add_at_full_size,
     bounced_light,
     decide_interreflection,
+    fitted,
     look_around,
     receivers,
 )
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.terms.transmission import transmit
+from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
 from skinbake.kernels.threads import on_threads
@@ -123,8 +126,8 @@ class Scattering:
         for raster, albedo in zip(self._atlas, self._albedo, strict=True):
             light[raster.tile] *= albedo**exponent
         diffused = self._diffused(light)
-        through = self._transmitted(diffused, first)
         lobes = self._curved.applied(diffused.lobes) if self._curved else diffused.lobes
+        through = self._sent_on(self._transmitted(diffused, first), lobes, light, diffused.lights)
         lobes = (*lobes, through) if through else lobes
         weights = SkinWeights(np.array([lobe.weight_rgb for lobe in lobes]), self._weights.table, self._scene.maps)
         return {raster.tile: summed_lobes(lobes, weights, raster.tile, raster.shape) for raster in self._atlas}
@@ -213,6 +216,18 @@ class Scattering:
             self.lines.append(Decision("relight.transmission", line.enabled, line.why, line.error))
             self._through = "on" if line.enabled else "off"
         return lobe
+
+    def _sent_on(
+        self, through: Lobe | None, lobes: tuple[Lobe, ...], light: Tiles, names: tuple[str, ...]
+    ) -> Lobe | None:
+        """The same with what other skin gets of it."""
+        if through is None or self._thin is None or self._view is None or self._bounces is None:
+            return through
+        seen = [fitted(colour, r.shape) for colour, r in zip(self._reflected, self._view.atlas, strict=True)]
+        gain, bounces = dict.fromkeys(names, self._again), dict.fromkeys(names, self._bounces)
+        skin_light = SkinLight(self._view, seen, gain, bounces)
+        entered = SmallLight.of(light, self._thin)
+        return sent_on(through, lobes, entered, names, skin_light, self._spec, self._scene, self._gaussians)
 
 
 def summed_lobes(lobes: tuple[Lobe, ...], weights: SkinWeights, tile: int, shape: tuple[int, int]) -> Image:

@@ -8,7 +8,7 @@ Bounced light is smooth, so that few and coarse texels are enough, read bilinear
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -56,6 +56,8 @@ class SkinView:
     seen_tile, seen : ndarrays of shape (n, rays), int32
         Place in the atlas, and row * W + col in the full texture, of the skin that each ray meets; `seen` is NOTHING
         where it meets none.
+    size : (H, W)
+        Of the full texture.
     """
 
     atlas: Atlas
@@ -63,6 +65,7 @@ class SkinView:
     flat_index: Index
     seen_tile: NDArray[np.int32]
     seen: NDArray[np.int32]
+    size: tuple[int, int]
 
 
 def look_around(
@@ -101,7 +104,8 @@ def look_around(
         more = _trace(mesh, occluder, size, udim, point[near], normal[near], flat[near], rays[0], rays[1] - rays[0])
         seen_tile, seen = (np.concatenate([a[near], b], axis=1) for a, b in zip(first, more, strict=True))
         parts.append((np.full(len(near), k, np.int32), flat[near], seen_tile, seen))
-    return SkinView(atlas, *(np.concatenate(each) for each in zip(*parts, strict=True)))
+    tile, texel, seen_tile, seen = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return SkinView(atlas, tile, texel, seen_tile, seen, size[::-1])
 
 
 class Bounced(NamedTuple):
@@ -210,7 +214,7 @@ def bounced_light(
     ----------
     view : SkinView
     sent : sequence of ndarray of shape (L, H, W, 3)
-        M of each tile of the full texture, of the light that arrives without a bounce.
+        M of each tile, of the light that arrives without a bounce, at any size.
     reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
         What of the bounced irradiance leaves as M again.
     bounces : int
@@ -229,8 +233,7 @@ def bounced_light(
         raise ValueError(f"bounces: expected at least 1, got {bounces}")
     lights = sent[0].shape[0]
     shapes = [raster.shape for raster in view.atlas]
-    size = sent[0].shape[1:3]
-    again = [_fitted(colour, shape) for colour, shape in zip(reflected, shapes, strict=True)]
+    again = [fitted(colour, shape) for colour, shape in zip(reflected, shapes, strict=True)]
     share = [np.zeros((*shape, 1), np.float32) for shape in shapes]
     for j, of in enumerate(share):
         mine = view.tile == j
@@ -244,7 +247,7 @@ def bounced_light(
             for j, receiving in enumerate(got):
                 mine = np.flatnonzero(view.tile == j)
                 flat = receiving.reshape(lights, -1, 3)
-                met = _Seen(view.flat_index[mine], view.seen_tile[mine], view.seen[mine], size)
+                met = _Seen(view.flat_index[mine], view.seen_tile[mine], view.seen[mine], view.size)
                 parallel_for(_collect, len(mine), met, k, np.ascontiguousarray(image, np.float32), flat)
         for total, each in zip(out, got, strict=True):
             total += each
@@ -256,6 +259,40 @@ def bounced_light(
         if left.max() <= negligible:
             break
     return BouncedLight(out, turn + 1, float(left.max()))
+
+
+class SkinLight(NamedTuple):
+    """How skin lights skin under the lights that have the term.
+
+    Attributes
+    ----------
+    view : SkinView
+    reflected : list of ndarray of shape (h, w, 3)
+        What of irradiance leaves as M, at the small texels, a tile in the atlas's order.
+    gain : mapping of str to ndarray of shape (3,)
+        By light, what of light from skin counts where it enters.
+    bounces : mapping of str to int
+        By light, how often it goes from skin to skin.
+    """
+
+    view: SkinView
+    reflected: list[Image]
+    gain: Mapping[str, Image]
+    bounces: Mapping[str, int]
+
+    def lit_by(self, name: str, sent: Sequence[Image]) -> list[Image]:
+        """Irradiance that counts of what skin sends on, (h, w, 3) a tile.
+
+        Parameters
+        ----------
+        name : str
+            Of the light.
+        sent : sequence of ndarray of shape (H, W, 3)
+            M by tile, at any size.
+        """
+        again = [self.gain[name] * colour for colour in self.reflected]
+        found = bounced_light(self.view, [each[None] for each in sent], again, self.bounces[name])
+        return [self.gain[name] * tile[0] for tile in found.tiles]
 
 
 def _rms(tiles: Sequence[Image]) -> NDArray[np.float64]:
@@ -477,7 +514,7 @@ def _collect(start, stop, met, tile, image, out):  # type: ignore[no-untyped-def
                     out[light, flat_index[i], c] += image[light, row, col, c] / rays
 
 
-def _fitted(colour: Image, shape: tuple[int, ...]) -> Image:
+def fitted(colour: Image, shape: tuple[int, ...]) -> Image:
     """A map at the middle texels of a smaller size; a constant as it is."""
     height, width = colour.shape[:2]
     if (height, width) == (1, 1):

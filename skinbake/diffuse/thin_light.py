@@ -1,0 +1,113 @@
+"""Light that came through flesh lights other skin: the inside of a nostril by its wing, the ear's bowl by its rim.
+
+What `interreflection` sends is irradiance times what leaves of it, and a wall that only gets light through the flesh
+has no irradiance. So M, once it is known, less that product is sent on, bounce after bounce as ever, and what leaves
+of it is added to transmitted light, unblurred: it is smooth (theory.md 9.7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.bilinear import magnify_bilinear
+from skinbake.diffuse.diffuse_map import Lobe
+from skinbake.diffuse.light_entering import albedo_of
+from skinbake.diffuse.skin_weights import SkinWeights
+from skinbake.diffuse.terms.interreflection import SkinLight, add_at_full_size
+from skinbake.diffuse.terms.thin_parts import ThinParts
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.profile import GaussianSum
+from skinbake.scene.spec import SceneSpec
+
+Image = NDArray[np.float32]
+
+
+class SmallLight(NamedTuple):
+    """Light that enters the skin, at the texels of transmitted light.
+
+    Attributes
+    ----------
+    thin : ThinParts
+        Whose texels these are.
+    tiles : tuple of ndarray of shape (L, h, w, 3)
+        Irradiance times albedo^x, in its order.
+    """
+
+    thin: ThinParts
+    tiles: tuple[Image, ...]
+
+    @classmethod
+    def of(cls, rgb: Mapping[int, Image], thin: ThinParts) -> SmallLight:
+        """The same light at fewer texels: what stands at the middle of each."""
+        return cls(thin, tuple(_at_middles(rgb[each.raster.tile], each.raster.shape) for each in thin.tiles))
+
+
+def sent_on(
+    through: Lobe,
+    lobes: tuple[Lobe, ...],
+    entered: SmallLight,
+    names: Sequence[str],
+    skin_light: SkinLight,
+    spec: SceneSpec,
+    scene: SceneData,
+    gaussians: GaussianSum,
+    rest: Callable[[], None] = lambda: None,
+) -> Lobe:
+    """Transmitted light with what other skin gets of it.
+
+    Parameters
+    ----------
+    through : Lobe
+        (L, h, w, 3) a tile.
+    lobes : tuple of Lobe
+        Blurred light.
+    entered : SmallLight
+        What was blurred.
+    names : sequence of L str
+        Of the lights; those without interreflection are left as they are.
+    skin_light : SkinLight
+    spec : SceneSpec
+    scene : SceneData
+    gaussians : GaussianSum
+    rest : callable, optional
+        Frees the memory of each lobe that was read.
+    """
+    atlas = [each.raster for each in entered.thin.tiles]
+    albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
+    weights, before = SkinWeights.of(gaussians, scene.maps), np.float32(spec.texturing.exponent_before)
+    total = [weights.total_image(raster.tile, raster.shape) for raster in atlas]
+    tiles = {raster.tile: through.rgb[raster.tile].copy() for raster in atlas}
+    for i, name in enumerate(names):
+        if name not in skin_light.gain:
+            continue
+        sent = []
+        for raster, colour, light, share in zip(atlas, albedo, entered.tiles, total, strict=True):
+            more = tiles[raster.tile][i] - light[i] * share
+            for k, lobe in enumerate(lobes):
+                blurred = _at_middles(lobe.rgb[raster.tile][i : i + 1], raster.shape)[0]
+                more += blurred * weights.image(k, raster.tile, raster.shape)
+                rest()
+            # Skin is lit by what is shown, which is what is stored times the rest of the albedo
+            sent.append(more * colour ** (1 - before))
+        for raster, small, colour, share in zip(atlas, skin_light.lit_by(name, sent), albedo, total, strict=True):
+            arrived = np.zeros((*raster.shape, 3), np.float32)
+            add_at_full_size(small, raster, arrived)
+            image = tiles[raster.tile][i]
+            image += arrived * colour**before * share
+            np.maximum(image, 0, out=image)  # next to a shadow, lit skin sends less than it gets
+    return replace(through, rgb=tiles)
+
+
+def _at_middles(images: Image, shape: tuple[int, int]) -> Image:
+    """Images (L, H, W, 3) at the texels of another size: bilinear at a larger one, else what is at their middles."""
+    height, width = images.shape[1:3]
+    if height < shape[0] or width < shape[1]:
+        return np.stack([magnify_bilinear(np.asarray(image, np.float32), shape) for image in images])
+    rows = (2 * np.arange(shape[0]) + 1) * height // (2 * shape[0])
+    cols = (2 * np.arange(shape[1]) + 1) * width // (2 * shape[1])
+    return np.asarray(images[:, rows][:, :, cols], np.float32)
