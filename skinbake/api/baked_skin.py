@@ -7,12 +7,12 @@ import html
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skinbake.api.arguments import checked_gain, checked_suns, checked_turn, sky_of
+from skinbake.api.pixels import Image, Pixels
+from skinbake.api.viewer import Viewer
 from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse import MeasuredError
 from skinbake.diffuse.skin_weights import SkinWeights
@@ -23,66 +23,10 @@ from skinbake.relight.relit import Sun, light_coefficients, relit
 from skinbake.relight.transfer import Transfer
 from skinbake.scene.budget import is_within, left_wrong
 from skinbake.scene.decision import Decision
-from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
 
-Image = NDArray[np.float32]
 Gains = Mapping[str, float | Sequence[float]]
-
-
 _NOTEBOOK_TEXELS = 512  # a side, at most twice that
-
-
-class Pixels(Protocol):
-    """Where the arrays of a bake are. Without a light's name they give the sum over the lights."""
-
-    def irradiance(self, tile: int, light: str | None) -> Image:
-        """Light arriving, (H, W, 3)."""
-
-    def lobe(self, index: int, tile: int, light: str | None) -> Image:
-        """A lobe as it is stored, (h, w, 3).
-
-        Parameters
-        ----------
-        index : int
-        tile : int
-        light : str, optional
-        """
-
-    def albedo(self, tile: int) -> Image:
-        """Linear albedo of the skin, (H, W, 3) or (1, 1, 3)."""
-
-    def transfer(self) -> Transfer:
-        """Textures for lights that come later.
-
-        Raises
-        ------
-        InputError
-            The look has no `relight`.
-        """
-
-    def maps(self) -> SkinMaps:
-        """Maps of the look."""
-
-
-class Viewer:
-    """A page that a notebook shows in a frame.
-
-    Parameters
-    ----------
-    page : str
-        HTML.
-    height : int
-        Of the frame, in pixels.
-    """
-
-    def __init__(self, page: str, height: int) -> None:
-        self.page, self.height = page, height
-
-    def _repr_html_(self) -> str:
-        """The page as the source of a frame: its scripts and styles touch nothing of the notebook."""
-        style = f"width:100%;height:{self.height}px;border:0"
-        return f'<iframe title="The baked head" style="{style}" srcdoc="{html.escape(self.page)}"></iframe>'
 
 
 class BakedSkin:
