@@ -17,6 +17,7 @@ from skinbake.atlas import tile_of_face
 from skinbake.atlas.texel_coordinates import local_uv, texel_xy
 from skinbake.baking.bake_look import bake_look
 from skinbake.baking.session import BakeSession
+from skinbake.baking.truth_radius import WidthOfSkin
 from skinbake.bilinear import read_bilinear
 from skinbake.errors import InputError, ToleranceMissedError
 from skinbake.io.atomic import temporary_folder
@@ -52,24 +53,26 @@ SWITCHES = ("energy_conservation",)  # terms that both sides share, so that swit
 
 
 def bare_look(spec: SceneSpec) -> SceneSpec:
-    """The look that walks in a homogeneous medium can be compared with, the same one where it is so already.
+    """The look that walks in one medium can be compared with, the same one where it is so already.
 
-    Without maps, of the medium's own colour, each light by itself; baked beside the look where that differs.
+    Without maps but that of the profile's width, of the medium's own colour, each light by itself; baked beside the
+    look where that differs.
 
     Raises
     ------
     InputError
-        Its maps vary the skin.
+        Its maps vary the skin by more than its width.
     """
-    varied = [f"maps.{name}" for name in OF_SKIN if getattr(spec.maps, name) is not None]
+    varied = [f"maps.{name}" for name in OF_SKIN if name != "radius" and getattr(spec.maps, name) is not None]
     if varied or spec.skin.scatter < 1:
         what = varied[0] if varied else "skin.scatter"
         raise InputError(
-            f"truth: expected skin that is the same everywhere, got {what}: walks know one medium; leave it out"
+            f"truth: expected skin that varies by maps.radius alone, got {what}: walks know one medium, which may be "
+            "denser here than there; leave it out"
         )
     bare = spec.model_copy(
         update={
-            "maps": MapsSpec(albedo_rgb=(1.0, 1.0, 1.0)),
+            "maps": MapsSpec(albedo_rgb=(1.0, 1.0, 1.0), radius=spec.maps.radius),
             "skin": spec.skin.model_copy(update={"normalise": "none"}),
             "texturing": TexturingSpec(),
             "output": spec.output.model_copy(update={"lights": "separate", "tx": False}),
@@ -105,12 +108,16 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         The mesh is open, or the skin has no medium that light could be followed through.
     """
     look, progress = bare_look(spec), Progress(verbosity > 0)
-    medium = medium_of_skin(look.skin)
+    varies, density, changes = look.maps.radius is not None, None, None
+    medium = medium_of_skin(look.skin.model_copy(update={"radius": 1.0}) if varies else look.skin)
     with progress.task("reading the mesh"):
         scene = read_scene(look, rays=False)
         refuse_open(scene.mesh, look.mesh.path)
         rays = SurfaceRays(smooth_surface(scene.mesh))
-        at = draw_points(scene.mesh, rays, look.lights, points, look.output.seed)
+        if varies:
+            width = WidthOfSkin.of(scene.mesh, scene.maps, rays.rays.centre_mm, look.skin.radius)
+            density, changes = width.density(medium), width.changes
+        at = draw_points(scene.mesh, rays, look.lights, points, look.output.seed, changes)
     share = None
     if decide(look).energy_conservation.enabled:
         oil = look.specular
@@ -118,8 +125,8 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
 
     folder = Path(look.output.dir)
     key = key_of(
-        code_digest("skinbake.transport.light_leaving", "skinbake.transport.points"), input_hashes(look),
-        look.mesh.model_dump(),
+        code_digest("skinbake.transport.light_leaving", "skinbake.transport.points", "skinbake.baking.truth_radius"),
+        input_hashes(look), look.mesh.model_dump(), look.maps.radius and look.maps.radius.model_dump(),
         [light.model_dump() for light in look.lights], look.shadows, look.skin.model_dump(), points, walks,
         look.output.seed, None if share is None else share.tolist(),
     )  # fmt: skip
@@ -145,6 +152,7 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
                 found = light_leaving(
                     rays, medium, look.lights, at.face[first:last], at.barycentric[first:last], walks,
                     look.output.seed, look.shadows, share, scene.environments, first, one_done,
+                    density=density,
                 )  # fmt: skip
                 mean[:, first:last], stderr[:, first:last], done[first:last] = found.mean, found.stderr, True
             task.note = f"{int(done.sum())} of {count} points"

@@ -14,6 +14,7 @@ from skinbake.irradiance.smooth_surface import descend
 from skinbake.kernels.threads import thread_count
 from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
+from skinbake.transport.density import DensityGrid
 from skinbake.transport.medium import TransportMedium
 from skinbake.transport.surface_rays import SurfaceRays
 from skinbake.transport.walk import (
@@ -61,6 +62,7 @@ def light_leaving(
     first: int = 0,
     progress: Callable[[int], None] | None = None,
     threads: int | None = None,
+    density: DensityGrid | None = None,
 ) -> LightLeaving:
     """Walk from points of a closed surface; theory.md 9.2.
 
@@ -89,6 +91,8 @@ def light_leaving(
         Told the number of points that are done, from any thread.
     threads : int, optional
         Results do not depend on it.
+    density : DensityGrid, optional
+        Factor on the medium's coefficients from place to place.
 
     Raises
     ------
@@ -102,7 +106,7 @@ def light_leaving(
     if walks < 1:
         raise ValueError(f"walks: expected at least 1, got {walks}")
     position, normal = points_of(skin, face, barycentric)
-    kernel_medium = WalkMedium(medium.sigma_t_per_mm, medium.albedo, float(medium.g), float(medium.eta))
+    kernel_medium = WalkMedium(medium.sigma_t_per_mm, medium.albedo, float(medium.g), float(medium.eta), density)
     kernel_lights, unit = _lights(lights, skin.rays.centre_mm, shadows, share, environments or {})
     each = -(-walks // GROUPS)
     found = np.zeros((len(face), GROUPS, 3, len(lights), 3))

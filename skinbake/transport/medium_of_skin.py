@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import isinf
 
 import numpy as np
@@ -15,7 +16,8 @@ CLEAR_MM = 200.0  # a free path longer than this does not scatter within a head
 
 
 def medium_of_skin(skin: SkinSpec) -> TransportMedium:
-    """Medium that fills the mesh: of `dipole`, of one layer, or of `burley` with its albedo inverted.
+    """Medium that fills the mesh: of `dipole`, of one layer, or of `burley` with its albedo inverted; lengths are times
+    `skin.radius`.
 
     Reduced coefficients are taken with isotropic scattering (similarity), those of a layer that says `g` with
     Henyey-Greenstein scattering and sigma_s' / (1 - g).
@@ -37,6 +39,12 @@ def medium_of_skin(skin: SkinSpec) -> TransportMedium:
             f"skin: model {skin.model} gives a profile and no medium that light could be followed through; expected "
             "dipole, burley with mean_free_path_mm, or multipole or transport with one layer, such as --set "
             "skin.preset=jensen-skin1 (skin.medium is not what a profile is computed from)"
+        )
+    if skin.radius != 1:
+        medium = replace(
+            medium,
+            sigma_a_per_mm=medium.sigma_a_per_mm / skin.radius,
+            sigma_s_per_mm=medium.sigma_s_per_mm / skin.radius,
         )
     longest = float((1 / (medium.sigma_a_per_mm + (1 - medium.g) * medium.sigma_s_per_mm)).max())
     if longest > CLEAR_MM or np.any(medium.sigma_s_per_mm == 0):

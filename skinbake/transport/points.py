@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,8 @@ THIN_MM = 8.0  # of skin below
 CREASE = 0.25  # of the cosine-weighted hemisphere that other skin fills
 CANDIDATES = 20  # for each point that is drawn
 SHARES = {"thin": 0.15, "creases": 0.2, "edges": 0.25}  # of the points; the rest is by area among what is left
+OF_CHANGES = 0.5  # of the points, where skin varies
+CHANGES, EVEN = "skin changes", "skin even"  # names of groups
 AROUND = 32  # places looked at within EDGE_MM
 HEMISPHERE = 64  # rays that look for other skin
 GOLDEN_ANGLE = np.pi * (3 - 5**0.5)
@@ -39,7 +41,8 @@ class TruthPoints:
         Skin that each stands for, of mean 1: means with it are means over the skin.
     groups : dict of str to ndarray of shape (P,), bool
         "lit" (by a light, no shadow's edge near), "edges" (within `EDGE_MM` of a shadow's edge or a terminator),
-        "cast edges" (those where other skin casts the shadow), "thin" and "creases".
+        "cast edges" (those where other skin casts the shadow), "thin" and "creases"; of skin that varies "skin changes"
+        and "skin even", both lit.
     """
 
     face: NDArray[np.int32]
@@ -49,7 +52,12 @@ class TruthPoints:
 
 
 def draw_points(
-    mesh: SkinMesh, skin: SurfaceRays, lights: Sequence[LightSpec], count: int, seed: int = 0
+    mesh: SkinMesh,
+    skin: SurfaceRays,
+    lights: Sequence[LightSpec],
+    count: int,
+    seed: int = 0,
+    changes: Callable[[Float], NDArray[np.bool_]] | None = None,
 ) -> TruthPoints:
     """Draw points: shares of them in thin parts, creases and at shadow edges, the others anywhere else by area.
 
@@ -62,6 +70,9 @@ def draw_points(
         Skies have no edges; of a rectangle its centre counts.
     count : int
     seed : int
+    changes : callable, optional
+        Of skin that varies: which places (N, 3), mm about the rays' centre, are near a change. Half of the points are
+        drawn there, and there are two groups more, of lit skin far from shadow edges.
 
     Raises
     ------
@@ -85,10 +96,17 @@ def draw_points(
     hidden, lit, edge, cast, thin, crease = found.T
     groups = {"lit": lit & ~edge, "edges": edge, "cast edges": cast, "thin": thin, "creases": crease}
 
-    stratum = np.select([hidden, thin, crease, edge], [-1, 0, 1, 2], 3)
-    members = [rng.permutation(np.flatnonzero(stratum == k)) for k in range(4)]
-    wanted = [min(len(mine), round(share * count)) for mine, share in zip(members, SHARES.values(), strict=False)]
-    wanted.append(min(len(members[3]), count - sum(wanted)))
+    stratum, shares = np.select([hidden, thin, crease, edge], [-1, 0, 1, 2], 3), list(SHARES.values())
+    near = changes(position) if changes is not None else np.zeros(pool, np.bool_)
+    if near.any():
+        groups |= {CHANGES: groups["lit"] & near, EVEN: groups["lit"] & ~near}
+        stratum = np.where((stratum == 3) & near, 4, stratum)
+        shares = [share * (1 - OF_CHANGES) for share in shares]
+    members = [rng.permutation(np.flatnonzero(stratum == k)) for k in range(5 if near.any() else 4)]
+    wanted = [min(len(mine), round(share * count)) for mine, share in zip(members, shares, strict=False)]
+    of_changes = [min(len(mine), round(OF_CHANGES * count)) for mine in members[4:]]
+    wanted.append(min(len(members[3]), count - sum(wanted) - sum(of_changes)))
+    wanted += of_changes
     chosen = np.concatenate([mine[:n] for mine, n in zip(members, wanted, strict=True)])
     stands_for = np.concatenate([np.full(n, len(mine) / max(n, 1)) for mine, n in zip(members, wanted, strict=True)])
     order = np.argsort(chosen)  # along the mesh: neighbours share what the processor has in its caches

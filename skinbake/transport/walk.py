@@ -4,6 +4,9 @@ A walk enters the skin at x against a direction of leaving light, flies exponent
 each end. There the lights are looked for: what of them gets to that place, times the phase function, is what the walk
 brings. One walk serves the three channels: it is drawn by one channel's free paths and counted for all with the
 balance heuristic over the three [Veach1995].
+
+Where the medium's density varies, lengths are drawn for the greatest one, and an end counts as one with the probability
+of the density there over the greatest, else the walk flies on [Woodcock1965]; that is the same for all channels.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from skinbake.irradiance.punctual_light import towards
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.profile.photons import GOLDEN, VERTICAL, fresnel, mixed, uniform
+from skinbake.transport.density import DensityGrid, density_at, least_dense, most_dense, thickness
 from skinbake.transport.surface_rays import first_hit, ray_buffer
 
 HARD, THROUGH, WHOLE = 0, 1, 2  # estimates; see `walk_from`
@@ -31,7 +35,7 @@ LATTICE = 0.8191725133961645, 0.6710436067037893, 0.5497004779019703  # R3 seque
 
 
 class WalkMedium(NamedTuple):
-    """A homogeneous medium as the kernels take it.
+    """A medium as the kernels take it: homogeneous, or as dense from place to place as a grid says.
 
     Attributes
     ----------
@@ -41,12 +45,15 @@ class WalkMedium(NamedTuple):
         Henyey-Greenstein mean cosine.
     eta : float
         Index inside over index outside, >= 1.
+    density : DensityGrid or None
+        Factor on `sigma_t_per_mm`.
     """
 
     sigma_t_per_mm: Float
     albedo: Float
     g: float
     eta: float
+    density: DensityGrid | None = None
 
 
 class WalkLights(NamedTuple):
@@ -180,11 +187,12 @@ def _fly(rays, buffer, at, direction, depth, reach):  # type: ignore[no-untyped-
 
 
 @kernel(inner=True)
-def _beyond(rays, buffer, at, direction, distance, eta, faint_mm):  # type: ignore[no-untyped-def]
-    """From outside to a light: whether skin is in the way, its length in mm, and what passes its faces.
+def _beyond(rays, buffer, density, at, direction, distance, optics):  # type: ignore[no-untyped-def]
+    """From outside to a light: whether skin is in the way, its length in mm by density, and what passes its faces.
 
     The line goes straight on through skin, as through a plate.
     """
+    eta, faint_mm = optics
     px, py, pz = at
     dx, dy, dz = direction
     t, inside, passes, depth, blocked = 0.0, 0.0, 1.0, 0, False
@@ -195,7 +203,7 @@ def _beyond(rays, buffer, at, direction, distance, eta, faint_mm):  # type: igno
             break
         cosine = rays.normal[f, 0] * dx + rays.normal[f, 1] * dy + rays.normal[f, 2] * dz
         if depth > 0:
-            inside += step
+            inside += thickness(density, place, direction, step)
         t += step + rays.step_mm
         if cosine < 0.0:
             blocked = True
@@ -288,20 +296,21 @@ def _look_for(rays, buffer, lights, light, inside, optics, uv):  # type: ignore[
     lights : WalkLights
     light : int
     inside : InsideSkin
-    optics : tuple of two floats
-        Index inside over index outside, and the length in mm beyond which no light is looked for.
+    optics : (float, float, DensityGrid or None)
+        Index inside over index outside, the length in mm beyond which no light is looked for, and the medium's density.
     uv : tuple of two floats
         Place on a rectangle.
 
     Returns
     -------
     Irradiance on a plane that faces it before extinction (0: nothing comes), direction to where it comes from inside
-    the skin, length of the way inside, whether other skin is in the way, length of that, and what passes its faces.
+    the skin, length of the way inside, whether other skin is in the way, length of that, both times the density, and
+    what passes its faces.
     """
     kind, source, share = lights.kind[light], lights.source[light], lights.share
     px, py, pz = inside.at
     nx, ny, nz = inside.normal
-    eta, faint_mm = optics
+    eta, faint_mm, density = optics
     u, v = uv
     depth = inside.depth
     wx, wy, wz, distance, sent = _to_light(kind, source, px, py, pz, u, v)
@@ -340,14 +349,16 @@ def _look_for(rays, buffer, lights, light, inside, optics, uv):  # type: ignore[
         gain = _share_at(share, cos_out) * cos_out / cos_in
         gain *= _focus(rays, f, (nx, ny, nz), (wx, wy, wz), (cos_out, cos_in), eta, way)
         distance += way
+    own = thickness(density, inside.at, (ux, uy, uz), way)
     if f < 0 or not lights.casts[light]:
-        return sent * gain, ux, uy, uz, way, False, 0.0, 1.0
+        return sent * gain, ux, uy, uz, own, False, 0.0, 1.0
     qx = px + way * ux + rays.step_mm * rays.normal[f, 0]
     qy = py + way * uy + rays.step_mm * rays.normal[f, 1]
     qz = pz + way * uz + rays.step_mm * rays.normal[f, 2]
     left_mm = max(distance - way - rays.step_mm, 0.0)
-    blocked, other, passes = _beyond(rays, buffer, (qx, qy, qz), (wx, wy, wz), left_mm, eta, faint_mm)
-    return sent * gain, ux, uy, uz, way, blocked, other, passes
+    at, towards_it = (qx, qy, qz), (wx, wy, wz)
+    blocked, other, passes = _beyond(rays, buffer, density, at, towards_it, left_mm, (eta, faint_mm))
+    return sent * gain, ux, uy, uz, own, blocked, other, passes
 
 
 @kernel(inner=True)
@@ -389,7 +400,8 @@ def walk_from(rays, medium, lights, seed, walks, point, out):  # type: ignore[no
     nx, ny, nz = point.normal
     out[:] = 0.0
     sigma_t, eta, g = medium.sigma_t_per_mm, medium.eta, medium.g
-    faint_mm = FAINT / min(sigma_t[0], sigma_t[1], sigma_t[2])
+    most = most_dense(medium.density)  # free paths are drawn for it
+    faint_mm = FAINT / (min(sigma_t[0], sigma_t[1], sigma_t[2]) * least_dense(medium.density))
     has_sky = False
     for light in range(count):
         has_sky = has_sky or lights.kind[light] == SKY
@@ -421,18 +433,24 @@ def walk_from(rays, medium, lights, seed, walks, point, out):  # type: ignore[no
                 weight[c] = entered * math.pi / 3.0
                 density[c] = 1.0 / 3.0
             begun = entered * math.pi
-            length = -math.log(u2) / sigma_t[drawn_by]
+            length = -math.log(u2) / (most * sigma_t[drawn_by])
             depth, collisions, left = 1, 0, 0
             hx, hy, hz = nx, ny, nz  # normal where the walk was last at the surface
 
             for _ in range(MAX_EVENTS):
                 way, f, b1, b2, depth = _fly(rays, buffer, (x, y, z), (dx, dy, dz), depth, length)
+                meets = f < 0
+                if meets and most != least_dense(medium.density):
+                    state += GOLDEN
+                    dense = density_at(medium.density, x + way * dx, y + way * dy, z + way * dz)
+                    meets = most * uniform(mixed(state)) < dense
                 # Balance heuristic over the channels whose free paths could have led here
                 total = 0.0
                 for c in range(3):
-                    passed = math.exp(-sigma_t[c] * way)
+                    passed = math.exp(-most * sigma_t[c] * way)
                     if f < 0:
                         passed *= sigma_t[c]
+                    if meets:
                         weight[c] *= medium.albedo[c]
                     weight[c] *= passed
                     density[c] *= passed
@@ -444,7 +462,7 @@ def walk_from(rays, medium, lights, seed, walks, point, out):  # type: ignore[no
                     density[c] /= total
                 x, y, z = x + way * dx, y + way * dy, z + way * dz
 
-                if f < 0:
+                if meets:
                     collisions += 1
                     for light in range(count):
                         if lights.kind[light] == SKY:
@@ -457,7 +475,7 @@ def walk_from(rays, medium, lights, seed, walks, point, out):  # type: ignore[no
                             v = uniform(mixed(state))
                         here = InsideSkin((x, y, z), (hx, hy, hz), depth)
                         sent, ux, uy, uz, inside, blocked, other, passes = _look_for(
-                            rays, buffer, lights, light, here, (eta, faint_mm), (u, v)
+                            rays, buffer, lights, light, here, (eta, faint_mm, medium.density), (u, v)
                         )
                         if sent <= 0.0:
                             continue
@@ -479,7 +497,7 @@ def walk_from(rays, medium, lights, seed, walks, point, out):  # type: ignore[no
                         cosine = min(1.0, max(-1.0, (1.0 + g * g - part * part) / (2.0 * g)))
                     state += GOLDEN
                     dx, dy, dz = _turned(dx, dy, dz, cosine, 2.0 * math.pi * uniform(mixed(state)))
-                else:
+                elif f >= 0:
                     # At the face from inside: what does not come back goes on outside, where a sky may be
                     ax, ay, az = rays.normal[f, 0], rays.normal[f, 1], rays.normal[f, 2]
                     ox, oy, oz, reflected = dx, dy, dz, 0.0
@@ -556,14 +574,14 @@ def walk_from(rays, medium, lights, seed, walks, point, out):  # type: ignore[no
                         depth = 1
 
                 # A walk that hardly counts any more goes on with a chance that keeps the mean
-                most = max(weight[0], weight[1], weight[2]) / begun
-                if most < ROULETTE_BELOW / 3.0:
-                    keep = most / (ROULETTE_BELOW / 3.0)
+                left_over = max(weight[0], weight[1], weight[2]) / begun
+                if left_over < ROULETTE_BELOW / 3.0:
+                    keep = left_over / (ROULETTE_BELOW / 3.0)
                     state += GOLDEN
                     if uniform(mixed(state)) >= keep:
                         break
                     for c in range(3):
                         weight[c] /= keep
                 state += GOLDEN
-                length = -math.log(uniform(mixed(state))) / sigma_t[drawn_by]
+                length = -math.log(uniform(mixed(state))) / (most * sigma_t[drawn_by])
     out /= walks

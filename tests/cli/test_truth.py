@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skinbake.cli import run
+from skinbake.io.exr import Part, write_parts
 from skinbake.io.mesh import write_obj
 from skinbake.io.truth import WALKS, read_walks, write_walks
 from skinbake.transport.model_error import rms_words
@@ -96,6 +97,33 @@ def test_what_cannot_be_walked_through_is_refused(look, capsys, overrides, reaso
     assert run(["truth", str(look), "--quiet", *(f"--set={text}" for text in overrides)]) == 2
     assert reason in capsys.readouterr().err
     assert not (look.parent / "out").exists()
+
+
+def test_a_skin_whose_width_varies_is_walked_and_baked(look, capsys):
+    """A map that says the same everywhere is the key; of one with a step, points on both sides of it are told apart."""
+    small = ["--points", "24", "--walks", "32", "--quiet", "--no-terms"]
+
+    def measure(out, *more):
+        assert run(["truth", str(look), *small, "--out", str(look.parent / out), *more]) == 0
+        return json.loads((look.parent / out / "truth.json").read_text())
+
+    write_parts(look.parent / "flat.exr", [Part("", {"Y": np.full((4, 4), 0.7, np.float32)})], precision="float")
+    by_key, by_map = (
+        measure("key", "--set", "skin.radius=0.7"),
+        measure("map", "--set", f"maps.radius={look.parent / 'flat.exr'}"),
+    )
+    assert "skin changes" not in by_map["error"]
+    for one, other in zip(by_key["samples"], by_map["samples"], strict=True):
+        assert (one["face"], one["barycentric"]) == (other["face"], other["barycentric"])
+        np.testing.assert_allclose(one["M"], other["M"], rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(one["M_bake"], other["M_bake"], rtol=1e-3, atol=1e-5)
+
+    step = np.where(np.arange(64) < 32, 0.5, 1.5).astype(np.float32)
+    write_parts(look.parent / "step.exr", [Part("", {"Y": np.tile(step, (64, 1))})], precision="float")
+    error = measure("step", "--set", f"maps.radius={look.parent / 'step.exr'}")["error"]
+    assert error["skin changes"]["points"] >= 3
+    assert error["skin even"]["points"] >= 1
+    assert max(error["skin changes"]["rms_rgb"]) < 0.5
 
 
 def test_an_open_mesh_is_refused_with_its_name(look, capsys):
