@@ -82,7 +82,14 @@ def least_dense(grid):  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def density_at(grid, x, y, z):  # type: ignore[no-untyped-def]
-    """Density at a place; 1 where there is no grid."""
+    """Density at a place, linear between the corners of the cubes; 1 where there is no grid.
+
+    Parameters
+    ----------
+    grid : DensityGrid or None
+    x, y, z : float
+        mm about the rays' centre.
+    """
     if grid is None:
         return 1.0
     value = grid.value
@@ -100,7 +107,16 @@ def density_at(grid, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel(inner=True)
 def thickness(grid, at, direction, way):  # type: ignore[no-untyped-def]
-    """Integral of the density along a line, mm, by middles of steps of half a cube; `way` without a grid."""
+    """Integral of the density along a line, mm, by middles of steps of half a cube; `way` without a grid.
+
+    Parameters
+    ----------
+    grid : DensityGrid or None
+    at, direction : tuples of three floats
+        Its beginning, mm about the rays' centre, and unit direction.
+    way : float
+        mm.
+    """
     if grid is None:
         return way
     steps = 1 + int(2.0 * way / grid.cell_mm)

@@ -1,7 +1,7 @@
 """What a profile at the exit leaves out where skin changes: `truth` of a head whose right half is wider than its left.
 
-`python -m tests.bench.bench_skin_step OUT [--points N] [--walks N] [--ramp] [--even R]` writes the map and measures; `--ramp`
-lets the width go from 0.5 to 1.5 along the face instead of at one line, `--even` has it the same everywhere.
+`python -m tests.bench.bench_skin_step OUT [--points N] [--walks N] [--ramp] [--even R]` writes the map and measures;
+`--ramp` lets the width go from 0.5 to 1.5 along the face instead of at one line, `--even` has it the same everywhere.
 """
 
 from __future__ import annotations
