@@ -11,6 +11,8 @@ from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 CELLS = 24_000_000  # at most; of float32
+AT_ONCE = 2_000_000  # places looked for
+ALIKE = 0.1  # of the range of densities
 
 
 class DensityGrid(NamedTuple):
@@ -47,20 +49,33 @@ def density_grid(place_mm: Float, density: Float, cell_mm: float, deep_mm: float
     deep_mm : float
         From where on light is no longer counted.
     """
+    from scipy.ndimage import maximum_filter, minimum_filter
     from scipy.spatial import cKDTree
 
     low, high = place_mm.min(axis=0) - 2 * cell_mm, place_mm.max(axis=0) + 2 * cell_mm
     cell = max(cell_mm, float(np.prod(high - low) / CELLS) ** (1 / 3))
-    shape = np.ceil((high - low) / cell).astype(int) + 2
-    value = np.full(shape, density.mean(), np.float32)
+    half = np.ceil((high - low) / (2 * cell)).astype(int) + 2
+    value = np.full(2 * half - 1, density.mean(), np.float32)
     tree = cKDTree(place_mm)
-    y, z = (low[k] + cell * np.arange(shape[k]) for k in (1, 2))
-    plane = np.stack(np.meshgrid(y, z, indexing="ij"), axis=-1).reshape(-1, 2)
-    for i in range(shape[0]):
-        at = np.column_stack([np.full(len(plane), low[0] + cell * i), plane])
-        distance, nearest = tree.query(at, distance_upper_bound=deep_mm, workers=-1)
-        near = np.isfinite(distance)
-        value[i].reshape(-1)[near] = density[nearest[near]]
+
+    def look_up(index: NDArray[np.intp]) -> None:
+        """Write the density of the nearest place at corners (N, 3)."""
+        for part in np.array_split(index, 1 + len(index) // AT_ONCE):
+            distance, nearest = tree.query(low + cell * part, distance_upper_bound=deep_mm, workers=-1)
+            near = np.isfinite(distance)
+            value[tuple(part[near].T)] = density[nearest[near]]
+
+    # Every other corner first, and what lies between only where these are not alike
+    look_up(2 * np.stack(np.meshgrid(*map(np.arange, half), indexing="ij"), axis=-1).reshape(-1, 3))
+    coarse = value[::2, ::2, ::2]
+    differs = maximum_filter(coarse, 3) - minimum_filter(coarse, 3) > ALIKE * np.ptp(density)
+    for axis in range(3):
+        between, before, after = ([slice(None)] * 3 for _ in range(3))
+        between[axis], before[axis], after[axis] = slice(1, None, 2), slice(0, -1, 2), slice(2, None, 2)
+        value[tuple(between)] = (value[tuple(before)] + value[tuple(after)]) / 2
+    near = differs.repeat(2, 0).repeat(2, 1).repeat(2, 2)[tuple(slice(0, size) for size in value.shape)]
+    near[::2, ::2, ::2] = False
+    look_up(np.argwhere(near))
     return DensityGrid(value, low, float(cell), float(density.min()), float(density.max()))
 
 
