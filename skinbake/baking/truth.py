@@ -116,7 +116,7 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         rays = SurfaceRays(smooth_surface(scene.mesh))
         if varies:
             width = WidthOfSkin.of(scene.mesh, scene.maps, rays.rays.centre_mm, look.skin.radius)
-            density, changes = width.density(medium), width.changes
+            density, changes = width.density(), width.changes
         at = draw_points(scene.mesh, rays, look.lights, points, look.output.seed, changes)
     share = None
     if decide(look).energy_conservation.enabled:

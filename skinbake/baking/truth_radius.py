@@ -15,11 +15,9 @@ from skinbake.numerics import Float
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.transport.density import DensityGrid, density_grid
-from skinbake.transport.medium import TransportMedium
 
 NEAR_MM = 3.0  # of a change
 CHANGED = 1.05  # ratio of widths that counts as one
-DEEP = 3.0  # diffusion lengths of the widest skin, below which light is hardly counted any more
 FINEST_MM = 0.5  # of the grid, and of the places that it is made of
 
 
@@ -61,11 +59,9 @@ class WidthOfSkin:
         radius = np.concatenate(values).astype(np.float32)  # as the map: its sums' round-off is no change
         return WidthOfSkin(np.concatenate(places), radius.astype(np.float64))
 
-    def density(self, medium: TransportMedium) -> DensityGrid:
+    def density(self) -> DensityGrid:
         """The density of a medium that is as wide as the nearest skin says: 1 / radius."""
-        reduced = medium.sigma_a_per_mm + (1 - medium.g) * medium.sigma_s_per_mm
-        length_mm = float((1 / np.sqrt(3 * np.maximum(medium.sigma_a_per_mm, 1e-3) * reduced)).max())
-        return density_grid(self.place_mm, 1 / self.radius, FINEST_MM, DEEP * length_mm * float(self.radius.max()))
+        return density_grid(self.place_mm, 1 / self.radius, FINEST_MM)
 
     def changes(self, position_mm: Float) -> NDArray[np.bool_]:
         """Whether the width changes near places (N, 3)."""

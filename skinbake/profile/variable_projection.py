@@ -116,13 +116,15 @@ class Fitter:
             weight[:, c] = best_weights(r, reduced[:, c], total, self.signed)
         return columns, slope, weight
 
-    def _residual(self, log_v: Float) -> Float:
-        """Misfit of every channel in one row, and last a wall that keeps the widest variance in range."""
+    def _residual(self, log_v: Float, widest: float) -> Float:
+        """Misfit of every channel in one row, and last a wall that keeps the widest variance in range: that of the
+        widest of the profiles which share it, or a narrow one would cut the others' tails off.
+        """
         columns, _, weight = self._weights(log_v)
-        beyond = max(0.0, log_v[-1] - self.log_range[1])
+        beyond = max(0.0, log_v[-1] - widest)
         return np.append((columns @ weight - self.wanted).T.ravel(), WALL * beyond)
 
-    def _jacobian(self, log_v: Float) -> Float:
+    def _jacobian(self, log_v: Float, widest: float) -> Float:
         """Derivative of the residual by ln v, with the weights' own response projected out (Kaufman's form)."""
         columns, slope, weight = self._weights(log_v)
         blocks = []
@@ -137,7 +139,7 @@ class Fitter:
                 block = block - q @ (q.T @ block)
             blocks.append(block)
         wall = np.zeros((1, len(log_v)))
-        wall[0, -1] = WALL * (log_v[-1] > self.log_range[1])
+        wall[0, -1] = WALL * (log_v[-1] > widest)
         return np.concatenate([*blocks, wall])
 
     @cached_property
@@ -215,13 +217,13 @@ def best_variances(fitters: Sequence[Fitter], count: int, starts: Iterable[Float
     lower = np.full(count, fitters[0].min_log_ratio)
     lower[0] = min(fitter.log_range[0] for fitter in fitters)
     upper = np.full(count, np.inf)
-    upper[0] = max(fitter.log_range[1] for fitter in fitters)
+    upper[0] = widest = max(fitter.log_range[1] for fitter in fitters)
 
     def search(x: Float, evaluations: int) -> Float:
         found = least_squares(
-            lambda x: np.concatenate([fitter._residual(cumulate @ x) for fitter in fitters]),
+            lambda x: np.concatenate([fitter._residual(cumulate @ x, widest) for fitter in fitters]),
             np.clip(x, lower + 1e-6, upper - 1e-6),
-            jac=lambda x: np.concatenate([fitter._jacobian(cumulate @ x) for fitter in fitters]) @ cumulate,
+            jac=lambda x: np.concatenate([fitter._jacobian(cumulate @ x, widest) for fitter in fitters]) @ cumulate,
             bounds=(lower, upper),
             ftol=1e-9,
             xtol=1e-8,

@@ -11,7 +11,7 @@ from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 CELLS = 24_000_000  # at most; of float32
-AT_ONCE = 2_000_000  # places looked for
+SHALLOW_MM = 4.0  # down to where changes are resolved finely
 ALIKE = 0.1  # of the range of densities
 
 
@@ -36,8 +36,8 @@ class DensityGrid(NamedTuple):
     most: float
 
 
-def density_grid(place_mm: Float, density: Float, cell_mm: float, deep_mm: float) -> DensityGrid:
-    """The density at the nearest of many places of the skin, down to a depth; below it their mean.
+def density_grid(place_mm: Float, density: Float, cell_mm: float) -> DensityGrid:
+    """The density at the nearest of many places of the skin.
 
     Parameters
     ----------
@@ -46,36 +46,33 @@ def density_grid(place_mm: Float, density: Float, cell_mm: float, deep_mm: float
     density : ndarray of shape (N,)
     cell_mm : float
         Side of the cubes that is wanted; larger where there would be more of them than `CELLS`.
-    deep_mm : float
-        From where on light is no longer counted.
     """
-    from scipy.ndimage import maximum_filter, minimum_filter
+    from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
     from scipy.spatial import cKDTree
 
     low, high = place_mm.min(axis=0) - 2 * cell_mm, place_mm.max(axis=0) + 2 * cell_mm
     cell = max(cell_mm, float(np.prod(high - low) / CELLS) ** (1 / 3))
     half = np.ceil((high - low) / (2 * cell)).astype(int) + 2
-    value = np.full(2 * half - 1, density.mean(), np.float32)
-    tree = cKDTree(place_mm)
-
-    def look_up(index: NDArray[np.intp]) -> None:
-        """Write the density of the nearest place at corners (N, 3)."""
-        for part in np.array_split(index, 1 + len(index) // AT_ONCE):
-            distance, nearest = tree.query(low + cell * part, distance_upper_bound=deep_mm, workers=-1)
-            near = np.isfinite(distance)
-            value[tuple(part[near].T)] = density[nearest[near]]
-
-    # Every other corner first, and what lies between only where these are not alike
-    look_up(2 * np.stack(np.meshgrid(*map(np.arange, half), indexing="ij"), axis=-1).reshape(-1, 3))
+    value = np.empty(2 * half - 1, np.float32)
+    # Every other corner first, by the nearest of these at the skin; what lies between only where they are not alike
+    at_skin = np.zeros(half, np.bool_)
+    seed, first = np.unique(np.rint((place_mm - low) / (2 * cell)).astype(int), axis=0, return_index=True)
+    at_skin[tuple(seed.T)] = True
+    held = np.zeros(half, np.float32)
+    held[tuple(seed.T)] = density[first]
+    away, nearest = distance_transform_edt(~at_skin, 2 * cell, return_indices=True)
+    value[::2, ::2, ::2] = held[tuple(nearest)]
     coarse = value[::2, ::2, ::2]
     differs = maximum_filter(coarse, 3) - minimum_filter(coarse, 3) > ALIKE * np.ptp(density)
+    differs &= away <= SHALLOW_MM
     for axis in range(3):
         between, before, after = ([slice(None)] * 3 for _ in range(3))
         between[axis], before[axis], after[axis] = slice(1, None, 2), slice(0, -1, 2), slice(2, None, 2)
         value[tuple(between)] = (value[tuple(before)] + value[tuple(after)]) / 2
     near = differs.repeat(2, 0).repeat(2, 1).repeat(2, 2)[tuple(slice(0, size) for size in value.shape)]
     near[::2, ::2, ::2] = False
-    look_up(np.argwhere(near))
+    index = np.argwhere(near)
+    value[near] = density[cKDTree(place_mm).query(low + cell * index, workers=-1)[1]]
     return DensityGrid(value, low, float(cell), float(density.min()), float(density.max()))
 
 

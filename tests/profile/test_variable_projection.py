@@ -130,11 +130,12 @@ def test_jacobian_is_the_derivative():
     """Along the gradient Kaufman's Jacobian agrees with finite differences of the squared error."""
     fitter = Fitter(dipole_nodes(0.032, 0.74, 1.3))
     log_v = np.log([0.1, 0.5, 2.0, 9.0])
-    gradient = fitter._jacobian(log_v).T @ fitter._residual(log_v)
+    widest = fitter.log_range[1]
+    gradient = fitter._jacobian(log_v, widest).T @ fitter._residual(log_v, widest)
     step = 1e-5
 
     def half_square(at):
-        residual = fitter._residual(at)
+        residual = fitter._residual(at, widest)
         return residual @ residual / 2
 
     numeric = [(half_square(log_v + e) - half_square(log_v - e)) / (2 * step) for e in step * np.eye(4)]

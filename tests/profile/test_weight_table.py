@@ -9,7 +9,7 @@ from skinbake.profile import fit_skin, profile_of
 from skinbake.profile.scaled import scaled_nodes
 from skinbake.profile.variable_projection import Fitter
 from skinbake.profile.varying_skin import Range
-from skinbake.scene.skin import DipoleSkin, GaussiansSkin, TableSkin
+from skinbake.scene.skin import DipoleSkin, GaussiansSkin, PhysiologySkin, TableSkin
 
 SKIN = {"model": "dipole", "sigma_a_per_mm": (0.03, 0.17, 0.48), "sigma_sp_per_mm": (0.74, 0.88, 1.01)}
 OVER = {"radius": Range(0.5, 1.5, 0.9)}
@@ -27,6 +27,17 @@ def test_each_node_keeps_its_energy_and_no_weight_is_negative(report):
         weight = found.gaussians.table.weight_rgb
         assert weight.min() >= 0
         np.testing.assert_allclose(weight.sum(axis=2), np.broadcast_to(want, (*weight.shape[:2], 3)), rtol=1e-12)
+
+
+def test_a_narrow_skin_does_not_cut_the_tails_of_wide_ones():
+    """Variances may be as wide as the widest skin asks for: eight of them serve hair of much melanin and light skin."""
+    skin = PhysiologySkin(model="physiology", melanin=0.02, haemoglobin=0.005, fit={"gaussians": 8})
+    over = {"melanin": Range(0.0066, 0.25, 0.02), "haemoglobin": Range(0.0026, 0.06, 0.006)}
+    gaussians = fit_skin(skin, over=over).gaussians
+    assert gaussians.table.worst[1] < 0.03  # 0.053 while the narrowest bounded them all
+    light = profile_of(skin.model_copy(update={"melanin": 0.0066, "haemoglobin": 0.0026}))
+    alone = Fitter(light.fit_nodes()).fit(6).variance_mm2[-1]
+    assert gaussians.variance_mm2[-1] > 0.8 * alone
 
 
 def test_a_node_is_as_near_to_its_profile_as_it_says(report):

@@ -47,15 +47,17 @@ def test_a_half_space_reflects_the_same_however_dense_it_is_at_which_depth():
 
 
 def test_a_grid_holds_the_density_of_the_nearest_skin():
-    """Of a plate, left 0.5 and right 2; deeper than asked it is their mean."""
+    """Left of a plate 0.5 and right 2, to within a cube of the border near the skin, at any depth elsewhere."""
     x, y = np.meshgrid(np.arange(-10, 10.1, 0.25), np.arange(-5, 5.1, 0.25))
     place = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     place = np.concatenate([place, place - [0, 0, 30]])
-    grid = density_grid(place, np.where(place[:, 0] < 0, 0.5, 2.0), 0.5, 4.0)
+    grid = density_grid(place, np.where(place[:, 0] < 0, 0.5, 2.0), 0.5)
     index = lambda *at: tuple(np.round((np.array(at) - grid.low_mm) / grid.cell_mm).astype(int))  # noqa: E731
     assert grid.value[index(-3, 0, -2)] == 0.5
     assert grid.value[index(3, 0, -2)] == 2.0
-    assert 0.5 < grid.value[index(3, 0, -15)] < 2.0
+    assert grid.value[index(-0.6, 0, -2)] == 0.5
+    assert grid.value[index(0.6, 0, -2)] == 2.0
+    assert grid.value[index(3, 0, -15)] == 2.0
     assert (grid.least, grid.most) == (0.5, 2.0)
     assert grid.cell_mm == 0.5
     assert math.prod(grid.value.shape) < 1e6
