@@ -53,7 +53,7 @@ def density_grid(place_mm: Float, density: Float, cell_mm: float) -> DensityGrid
     low, high = place_mm.min(axis=0) - 2 * cell_mm, place_mm.max(axis=0) + 2 * cell_mm
     cell = max(cell_mm, float(np.prod(high - low) / CELLS) ** (1 / 3))
     half = np.ceil((high - low) / (2 * cell)).astype(int) + 2
-    value = np.empty(2 * half - 1, np.float32)
+    value = np.zeros(2 * half - 1, np.float32)
     # Every other corner first, by the nearest of these at the skin; what lies between only where they are not alike
     at_skin = np.zeros(half, np.bool_)
     seed, first = np.unique(np.rint((place_mm - low) / (2 * cell)).astype(int), axis=0, return_index=True)
