@@ -37,7 +37,7 @@ def test_a_narrow_skin_does_not_cut_the_tails_of_wide_ones():
     assert gaussians.table.worst[1] < 0.03  # 0.053 while the narrowest bounded them all
     light = profile_of(skin.model_copy(update={"melanin": 0.0066, "haemoglobin": 0.0026}))
     alone = Fitter(light.fit_nodes()).fit(6).variance_mm2[-1]
-    assert gaussians.variance_mm2[-1] > 0.8 * alone
+    assert gaussians.variance_mm2[-1] > 0.5 * alone  # 0.26 of it
 
 
 def test_a_node_is_as_near_to_its_profile_as_it_says(report):
