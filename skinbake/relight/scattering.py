@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import hypot
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,7 +136,8 @@ class Scattering:
         """Look around where skin lights skin by more than the tolerance."""
         spec, scene, terms = self._spec, self._scene, self._spec.terms
         even = [light[raster.tile][:1] for raster in self._atlas]
-        limits = [self._terms_left()]
+        # Light through thin parts is decided later, and has its share
+        limits = [self._terms_left() / sqrt(2 if terms.transmission == "auto" else 1)]
         lines, bounced = decide_interreflection(
             scene.mesh, scene.occluder, ("relight",), even, [self._again * colour for colour in self._reflected],
             self._atlas, spec.texture.udim, terms.interreflection, limits,

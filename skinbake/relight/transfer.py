@@ -265,7 +265,8 @@ def _judged(small: SceneSpec, slanted: bool, lines: list[Decision]) -> SceneSpec
         "incidence": "on" if slanted else "off",
         "beam": "off",
         "curvature": "on" if of_term.get("curvature") else "off",
-        "interreflection": "on" if of_term.get("interreflection") else "off",
+        # As near as the blur is: `on` would trace the finest there is for each light
+        "interreflection": "auto" if of_term.get("interreflection") else "off",
         "transmission": "on" if of_term.get("transmission") else "off",
     }
     diffusion = small.diffusion.model_copy(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import skinbake
 from skinbake.errors import MachineError
-from skinbake.relight import transfer
+from skinbake.relight import scattering, transfer
+
+LEFT = (("interreflection", r"may be left out ([\d.]+)%"), ("transmission", r"\(rms ([\d.]+)%\)$"))
 
 
 def test_textures_have_the_look_s_proportions(baked):
@@ -26,3 +30,16 @@ def test_what_does_not_fit_is_refused(baked, monkeypatch):
     monkeypatch.setattr(transfer, "physical_memory_bytes", lambda: 2**20)
     with pytest.raises(MachineError, match=r"lower relight\.size or relight\.textures"):
         baked("relight.textures=9")
+
+
+def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
+    """What lies behind thin parts is traced once an atlas, for any number of lights; bounces leave it a part."""
+    calls = []
+    once = scattering.ThinParts.of
+    monkeypatch.setattr(scattering.ThinParts, "of", lambda *args: calls.append(args) or once(*args))
+    made = baked("terms.transmission=auto", "terms.interreflection=auto", "diffusion.method=auto")
+    assert len(made.plan) > 3
+    why = {line.term: line.why for line in made.plan}
+    left = [float(re.search(pattern, why[f"relight.{term}"])[1]) for term, pattern in LEFT]
+    assert 0 < left[0] < left[1] * 1.0001 < 1.0
+    assert len(calls) == 1 + ("relight.transmission" in {line.term for line in made.plan if line.enabled})
