@@ -53,13 +53,14 @@ def decide_reuse(
         why = f"its textures and their blur are made for an error of {aim:.2%} each, together above {left:.2%}"
         return None, Decision("relight.reuse", False, why)
     transfer = make()
-    told = {kind: transfer.error[kind].rms for kind in map(_kind, spec.lights) if kind}
-    figures = ", ".join(f"{kind} {rms:.2%}" for kind, rms in told.items())
+    # A look has these lights and no others: what is said of it holds for the worst of its kind
+    told = {kind: transfer.error[kind].worst for kind in map(_kind, spec.lights) if kind}
+    figures = ", ".join(f"{kind} {worst:.2%}" for kind, worst in told.items())
     kept = max(told.values(), default=0.0) <= limit
     verdict = "within" if kept else "above"
     why = (
-        f"{len(transfer.basis)} textures state an error of {figures}, {verdict} {limit:.2%}, what their blur, off by "
-        f"up to {aim:.2%}, leaves of {left:.2%}"
+        f"{len(transfer.basis)} textures state errors of up to {figures}, {verdict} {limit:.2%}, what their blur, off "
+        f"by up to {aim:.2%}, leaves of {left:.2%}"
     )
     return transfer if kept else None, Decision("relight.reuse", kept, why)
 

@@ -49,7 +49,7 @@ def report(tmp_path_factory):
     def stated(*args):
         calls.append(args)
         error = judged(*args)
-        return error | {"skies": replace(error["skies"], rms=0.04), "suns": replace(error["suns"], rms=0.06)}
+        return error | {"skies": replace(error["skies"], worst=0.04), "suns": replace(error["suns"], worst=0.06)}
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("skinbake.batch.batching.ProcessPool", Here)
@@ -76,7 +76,8 @@ def test_one_transfer_serves_all(report):
         assert line_of(folder, name)["kept"]
         assert jobs[name]["note"] == line_of(folder, name)["why"]
         assert (
-            f"state an error of skies 4.00%, within {limit}, what their blur, off by up to 2.00%" in jobs[name]["note"]
+            f"state errors of up to skies 4.00%, within {limit}, what their blur, off by up to 2.00%"
+            in jobs[name]["note"]
         )
         manifest = json.loads((folder / "out" / name / "bake.json").read_text())
         assert [lobe["method"] for lobe in manifest["lobes"]] == ["relight"]
