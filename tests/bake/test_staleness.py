@@ -11,6 +11,7 @@ import shutil
 import typing
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -153,6 +154,7 @@ BASES = {
     "relit": plain(relight={"textures": 9, "basis": "fitted", "tolerance": 0.01}, maps={"albedo": "albedo.exr"}),
 }  # fmt: skip
 
+every_unseen_light = cache(unseen_lights)
 FIT = {"skin.fit.gaussians": 3, "skin.fit.signed": True, "skin.fit.energy": "free", "skin.normalise": "none"}
 TOLERANT = [{"skin.fit.tolerance": 0.5, "skin.fit.gaussians": None}]
 COLOUR = {"color_space": "srgb", "layer": "two"}
@@ -358,7 +360,7 @@ def quick_writing(monkeypatch):
     monkeypatch.setattr("skinbake.baking.inputs.fit_skin", fit_once)
     monkeypatch.setattr("skinbake.diffuse.planning.texture_size.SMALLEST", 16)
     monkeypatch.setattr("os.fsync", lambda file: None)
-    monkeypatch.setattr("skinbake.relight.transfer.unseen_lights", lambda seed: unseen_lights(seed)[32:34])
+    monkeypatch.setattr("skinbake.relight.transfer.unseen_lights", lambda seed: every_unseen_light(seed)[32:34])
 
 
 class Bakes:

@@ -43,23 +43,31 @@ def dask(*arguments, path=str(ROOT), cwd=None):
     return subprocess.Popen(command, env=environment, cwd=cwd, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """A scheduler and two workers, each a process of its own, on loopback: the address and the workers."""
-    file = tmp_path / "scheduler.json"
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    """A scheduler, a process of its own, on loopback: its file, and its workers, to which tests may add."""
+    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
     with ExitStack() as stack:
+        workers = []
         processes = [
             dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
         ]
-        stack.callback(lambda: [(p.kill(), p.wait()) for p in processes])
+        stack.callback(lambda: [(p.kill(), p.wait()) for p in processes + workers])
         wait_for(lambda: file.exists() and file.read_text().strip().endswith("}"))
-        workers = [
-            dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny", "--no-dashboard",
-                 "--local-directory", str(tmp_path / f"worker{i}"))
-            for i in range(2)
-        ]  # fmt: skip
-        processes += workers
-        yield json.loads(file.read_text())["address"], workers
+        yield file, workers
+
+
+@pytest.fixture
+def cluster(tmp_path, scheduler):
+    """The scheduler's address and two workers, each a process of its own; one that a test has killed is replaced."""
+    file, workers = scheduler
+    workers[:] = [worker for worker in workers if worker.poll() is None]
+    workers += [
+        dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny", "--no-dashboard",
+             "--local-directory", str(tmp_path / f"worker{i}"))
+        for i in range(len(workers), 2)
+    ]  # fmt: skip
+    return json.loads(file.read_text())["address"], workers
 
 
 def wait_for(condition, seconds=60):

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,7 +12,6 @@ from scipy.special import erf
 from skinbake.cli import run
 from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
 from skinbake.io.mesh import write_obj
-from tests.conftest import ROOT
 from tests.shapes import joined, quad, relief, sphere
 
 LOOK = """\
@@ -118,15 +114,13 @@ def test_half_a_shadow_becomes_the_error_function(scene, tmp_path):
         np.testing.assert_allclose(got, np.broadcast_to(want[inside, None], got.shape), atol=limit, err_msg=method)
 
 
-@pytest.mark.slow
-def test_bytes_do_not_depend_on_the_run_or_the_threads(scene):
-    """Two bakes, and a bake on one thread, write the same bytes."""
+def test_bytes_do_not_depend_on_the_run_or_the_threads(scene, monkeypatch):
+    """Two bakes, and a bake on one thread, write the same bytes; tests/cli/test_faults.py has processes do it."""
     look = scene(size="[70, 50]")
     found = []
     for threads in ("1", "2", "2"):
-        command = [sys.executable, "-m", "skinbake", "bake", str(look), "--no-preview", "--quiet", "--force"]
-        subprocess.run(command, check=True, env=os.environ | {"NUMBA_NUM_THREADS": threads}, cwd=ROOT)
-        found.append(digests(look.parent / "out"))
+        monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+        found.append(digests(bake(look, "--force")))
     assert len(found[0]) == 7
     assert found[0] == found[1] == found[2]
 

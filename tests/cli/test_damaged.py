@@ -22,6 +22,7 @@ lights:
   - {name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}
   - {name: sky, type: environment, radiance: [1, 2, 3], samples: 16}
 diffusion: {probes: 20, tolerance: 0.5}
+terms: {interreflection: off, transmission: off}
 output: {dir: out}
 preview: {size: [24, 30]}
 """

@@ -17,11 +17,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skinbake.cli import run
 from skinbake.errors import InputError, MachineError
 from skinbake.io.exr import Part, read_parts, rgb_channels, write_parts
 from skinbake.io.manifest import read_manifest
 from skinbake.io.mesh import write_obj
 from skinbake.io.png import write_png
+from tests.cli.test_batch import Here
 from tests.conftest import ROOT
 from tests.shapes import relief
 
@@ -365,15 +367,21 @@ jobs: [{name: one}, {name: two, lights.key.irradiance: [3, 2, 1]}, {name: three,
 """
 
 
-@pytest.mark.slow  # two batches of two processes a kill
-def test_a_batch_killed_at_random_times_ends_in_the_same_bytes(bakes):
+@pytest.mark.slow  # a batch of two processes a kill
+def test_a_batch_killed_at_random_times_ends_in_the_same_bytes(bakes, drawn_plots):
     """The parent, one of its processes, or all of them: the clean rerun is as one left alone, and nobody stays."""
     (bakes.folder / "looks.yaml").write_text(BATCH)
-    command = [sys.executable, "-m", "skinbake", "batch", str(bakes.folder / "looks.yaml"), "-j2", "--no-preview"]
 
-    def start(out):
-        more = ["--quiet", "--out", str(bakes.folder / out), "--cache", str(bakes.folder / f"cache of {out}")]
-        return subprocess.Popen([*command, *more], cwd=ROOT, start_new_session=True)
+    def command(out):
+        more = ["--out", str(bakes.folder / out), "--cache", str(bakes.folder / f"cache of {out}")]
+        return ["batch", str(bakes.folder / "looks.yaml"), "-j2", "--no-preview", "--quiet", *more]
+
+    def in_here(arguments):
+        """In this process, which has everything imported."""
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("skinbake.batch.batching.ProcessPool", Here)
+            patch.setattr("skinbake.baking.session._LAST", {})
+            return run(arguments)
 
     def left(out):
         report = json.loads((bakes.folder / out / "batch.json").read_text())
@@ -381,16 +389,22 @@ def test_a_batch_killed_at_random_times_ends_in_the_same_bytes(bakes):
         assert not list((bakes.folder / out).rglob("*.part*"))
         return {name: contents(bakes.folder / out / name) for name in ("one", "two", "three")}
 
-    begun = time.monotonic()
-    assert start("alone").wait(120) == 0
-    seconds, want = time.monotonic() - begun, left("alone")
+    assert in_here(command("alone")) == 0
+    want, looks = left("alone"), bakes.folder / "looks"
+    files = sum(len(found) for found in want.values())
     rng, killed = random.Random(7), 0
     while killed < (KILLS if KILLS > 8 else 1):
         if rng.random() < 0.6:
-            shutil.rmtree(bakes.folder / "looks", ignore_errors=True)
+            shutil.rmtree(looks, ignore_errors=True)
             shutil.rmtree(bakes.folder / "cache of looks", ignore_errors=True)
-        process = start("looks")
-        time.sleep(rng.uniform(0.3, 1.0) * seconds)
+        # Killed when so many files have their names, and a moment later
+        moment, later = rng.randrange(files), rng.uniform(0, 0.2)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "skinbake", *command("looks")], cwd=ROOT, start_new_session=True
+        )
+        while process.poll() is None and len(list(looks.glob("*/[!.]*"))) < moment:
+            time.sleep(0.01)
+        time.sleep(later)
         if process.poll() is not None:
             continue
         who = rng.choice(["parent", "all", "child"])
@@ -401,14 +415,14 @@ def test_a_batch_killed_at_random_times_ends_in_the_same_bytes(bakes):
         code = process.wait(120)
         assert code == (0 if who == "child" and family[-1] != process.pid else -signal.SIGKILL), who
         killed += 1
-        for folder in (bakes.folder / "looks").glob("*/"):
+        for folder in looks.glob("*/"):
             check_whole(folder)
-        assert start("looks").wait(120) == 0
-        assert left("looks") == want, f"after kill {killed}, of {who}"
         deadline = time.monotonic() + 10
         while any(session_of(int(pid)) == process.pid for pid in os.listdir("/proc") if pid.isdigit()):
             assert time.monotonic() < deadline, f"processes stay after a kill of {who}"
             time.sleep(0.05)
+        assert in_here(command("looks")) == 0
+        assert left("looks") == want, f"after kill {killed}, of {who}"
 
 
 def session_of(pid):
