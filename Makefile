@@ -81,10 +81,10 @@ tradeoff: $(READY)  ## measure time and memory against error for CONFIG
 	$(SKINBAKE) tradeoff $(call QUOTED,$(CONFIG))
 
 test: $(READY) .venv/.testing  ## run every test, on TESTERS processes
-	$(ALONE) $(BIN)/python -m pytest -n $(TESTERS)
+	$(ALONE) $(BIN)/python -m pytest -n $(TESTERS) --dist worksteal
 
 quick: $(READY)  ## the tests worth running after each edit
-	$(ALONE) $(BIN)/python -m pytest -n $(TESTERS) -m 'not slow'
+	$(ALONE) $(BIN)/python -m pytest -n $(TESTERS) --dist worksteal -m 'not slow'
 
 .venv/.testing: | $(READY)
 	@$(BIN)/python -m skinbake.preview.setup_gl testing
