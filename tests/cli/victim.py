@@ -56,9 +56,10 @@ def child(command: dict, counter: int, said: str) -> None:
 
 
 def load() -> None:
-    """Bake something else in memory, so that no child has to load kernels; plots are stamped, in the children as well.
+    """Bake something else in memory, so that no child has to load kernels.
 
-    No file is written: OpenEXR's threads, which a child would wait for, begin with the first.
+    Children, too, stamp plots and judge light that comes later by few lights. No file is written: OpenEXR's threads,
+    which a child would wait for, begin with the first.
     """
     import skinbake
     import skinbake.baking.bake_look
@@ -66,10 +67,13 @@ def load() -> None:
     from skinbake.baking import session
     from skinbake.io import profile_plot
     from skinbake.io.mesh import write_obj
+    from skinbake.relight import transfer
     from tests.plots import stamp_fit_plot
+    from tests.relight.conftest import few_lights
     from tests.shapes import relief
 
     profile_plot.write_fit_plot = stamp_fit_plot
+    transfer.unseen_lights = lambda seed: few_lights(seed)[2:]  # no sky, which takes longest
     with tempfile.TemporaryDirectory() as folder:
         write_obj(Path(folder, "mesh.obj"), relief(segments=4))
         Path(folder, "look.yaml").write_text(LOOK)
