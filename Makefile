@@ -16,7 +16,7 @@ QUOTED = '$(subst ','\'',$(1))'
 BIN := .venv/bin
 SKINBAKE := $(BIN)/skinbake
 READY := .venv/.ready
-DATA := data/head.obj data/albedo.png data/normal.png data/roughness.png
+DATA := data/head.obj data/albedo.png data/normal.png data/roughness.png data/melanin.png data/haemoglobin.png data/cavity.png
 # Where the test assets live when somebody put them beside the project; the README says how to get the scan.
 export SKINBAKE_LPS ?= $(abspath $(firstword $(wildcard data/lee_perry_smith ../shared/assets/lee_perry_smith)))
 

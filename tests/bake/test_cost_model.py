@@ -23,7 +23,7 @@ TAKEN = {
 
 
 def head(size, tolerance):
-    return load_look(ROOT / "configs" / "head.yaml", [f"texture.size={size}", f"tolerance={tolerance}"])
+    return load_look(ROOT / "configs" / "head_plain.yaml", [f"texture.size={size}", f"tolerance={tolerance}"])
 
 
 def total(spec, **work):

@@ -24,7 +24,7 @@ SKY = "{name: sky, type: environment, radiance: [0.16, 0.18, 0.21]}"
 LAMP = "{name: lamp, type: point, position_mm: [-260, 40, 240], intensity: [140000, 92000, 50000]}"
 BATCH = f"""\
 defaults:
-  base: CONFIGS/head.yaml
+  base: CONFIGS/head_plain.yaml
   texture: {{size: SIZE}}
   preview: {{size: [480, 600]}}
   output: {{dir: out}}

@@ -24,7 +24,7 @@ COUNTS = (9, 16, 25, 32, 36, 49, 64)
 KINDS = ("skies", "soft_boxes", "suns")
 
 
-def run(quick: bool, look: Path = ROOT / "configs" / "head.yaml") -> list[dict]:
+def run(quick: bool, look: Path = ROOT / "configs" / "head_plain.yaml") -> list[dict]:
     """Rms of each kind of light, a row a basis and number of textures."""
     spec = load_look(look, ["texture.size=512" if quick else "texture.size=1024"])
     medium = skin_medium(spec.skin)

@@ -18,7 +18,7 @@ from skinbake.preview.image_metrics import image_similarity
 from skinbake.tradeoff import difference, plan_sweep
 from tests.conftest import ROOT
 
-LOOKS = {"head": ROOT / "configs" / "head.yaml", "scan": ROOT / "configs" / "lee_perry_smith.yaml"}
+LOOKS = {"head": ROOT / "configs" / "head_plain.yaml", "scan": ROOT / "configs" / "lee_perry_smith.yaml"}
 TOLERANCES = (0.05, 0.03, 0.02, 0.01, 0.005, 0.003)
 POINTS, RUNS = 4000, 3
 

@@ -248,7 +248,7 @@ def bake_and_weigh(config: str) -> float:
 def compiled(tmp_path_factory):
     """Machine code is made in another process than the one whose memory is measured."""
     out = tmp_path_factory.mktemp("compiled")
-    head = str(ROOT / "configs" / "head.yaml")
+    head = str(ROOT / "configs" / "head_plain.yaml")
     in_child(run, ["bake", head, "--out", str(out), "--quiet", "--set", "texture.size=384"])
 
 
@@ -258,8 +258,8 @@ def compiled(tmp_path_factory):
 def test_what_is_expected_comes_true(tmp_path, capsys, output):
     """A bake of the sample head takes the memory and leaves the bytes that `check` said, within a factor 1.5."""
     config = tmp_path / "head.yaml"
-    text = (ROOT / "configs" / "head.yaml").read_text().replace("../data", str(ROOT / "data"))
-    text = text.replace("../out/head", str(tmp_path / "out")).replace("{dir:", f"{{precision: {output}, dir:")
+    text = (ROOT / "configs" / "head_plain.yaml").read_text().replace("../data", str(ROOT / "data"))
+    text = text.replace("../out/head_plain", str(tmp_path / "out")).replace("{dir:", f"{{precision: {output}, dir:")
     config.write_text(text.replace("size: 2048", "size: 384"))
     assert run(["check", str(config), "--json"]) == 0
     expected = json.loads(capsys.readouterr().out)["expected"]

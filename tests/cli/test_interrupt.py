@@ -131,7 +131,7 @@ def sweep(folder, arguments, moments, seed):
 def look(tmp_path_factory):
     """The sample head at 128^2, for `make faults`; a small relief else."""
     folder = tmp_path_factory.mktemp("stopped")
-    text = (ROOT / "configs" / "head.yaml").read_text().replace("../data", str(ROOT / "data")) if STOPS else LOOK
+    text = (ROOT / "configs" / "head_plain.yaml").read_text().replace("../data", str(ROOT / "data")) if STOPS else LOOK
     (folder / "head.yaml").write_text(text)
     write_obj(folder / "mesh.obj", relief(segments=24))
     write_obj(folder / "ball.obj", sphere(30.0, "cube", 8))

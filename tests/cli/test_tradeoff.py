@@ -80,7 +80,7 @@ def test_difference_by_hand():
 def test_every_setting_of_every_sweep_is_a_look(extent, skin):
     """All overrides are taken by the configuration, each against a reference that exists, no two rows alike."""
     overrides = (f"skin={{preset: {skin}}}",)
-    config = ROOT / "configs" / "head.yaml"
+    config = ROOT / "configs" / "head_plain.yaml"
     sweep = plan_sweep(load_look(config, overrides), (256, 128), extent)
     known = {reference.name for reference in sweep.references}
     assert {setting.reference for setting in sweep.settings} <= known

@@ -98,7 +98,9 @@ def look_seeds() -> Seeds:
     for skin in sorted((ROOT / "configs" / "skins").glob("*.yaml")):
         looks.append(f"mesh: {{path: h.obj, unit: mm}}\nskin: {{preset: {skin.stem}}}\noutput: {{dir: o}}\n".encode())
         looks[-1] += b"lights: [{name: key, type: environment, radiance: [1, 1, 1]}]\n"
-    looks += [(ROOT / "configs" / name).read_bytes() for name in ("head.yaml", "lee_perry_smith.yaml")]
+    looks += [
+        (ROOT / "configs" / name).read_bytes() for name in ("head.yaml", "head_plain.yaml", "lee_perry_smith.yaml")
+    ]
     return tuple((".yaml", look) for look in looks)
 
 

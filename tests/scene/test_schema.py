@@ -49,7 +49,7 @@ def test_the_verb_prints_the_schema(capsys):
     jsonschema.Draft202012Validator.check_schema(schema)
 
 
-@pytest.mark.parametrize("name", ["head.yaml", "head_painted.yaml", "lee_perry_smith.yaml"])
+@pytest.mark.parametrize("name", ["head.yaml", "head_plain.yaml", "lee_perry_smith.yaml"])
 def test_shipped_looks_keep_to_it(name):
     """As they are written, with presets and shorthands."""
     jsonschema.validate(read_yaml(ROOT / "configs" / name).value, look_schema(NAMES))
