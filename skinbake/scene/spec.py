@@ -198,7 +198,8 @@ class RelightSpec(Strict):
     size: Annotated[int, Field(ge=16, le=LARGEST_SIZE)] | None = None
     """Texels of the textures' longer side; by default 1024, or that of the texture where it is smaller."""
     tolerance: Tolerance = 0.02
-    """Root mean square error that skies may have, as a share of their light, by which textures are counted."""
+    """Root mean square error that skies may have, as a share of their light, by which textures are counted; with
+    `reuse`, that of their blur, too."""
     basis: Literal["auto", "harmonics", "fitted"] = "auto"
     """Spherical harmonics, or lights fitted to what this head tells apart; `auto` takes what needs fewer."""
     reuse: bool = False

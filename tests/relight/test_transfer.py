@@ -37,7 +37,7 @@ def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
     calls = []
     once = scattering.ThinParts.of
     monkeypatch.setattr(scattering.ThinParts, "of", lambda *args: calls.append(args) or once(*args))
-    made = baked("terms.transmission=auto", "terms.interreflection=auto", "diffusion.method=auto")
+    made = baked("terms.transmission=auto", "terms.interreflection=auto", "diffusion.method=auto", "relight.textures=9")
     assert len(made.plan) > 3
     why = {line.term: line.why for line in made.plan}
     left = [float(re.search(pattern, why[f"relight.{term}"])[1]) for term, pattern in LEFT]
