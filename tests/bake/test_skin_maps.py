@@ -23,7 +23,9 @@ from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import fit_skin
 from skinbake.profile.refit import refit
 from skinbake.profile.varying_skin import Range
+from skinbake.relight import transfer
 from skinbake.scene.maps import SkinMaps
+from tests.relight.conftest import few_lights
 from tests.shapes import quad
 
 HEIGHT, WIDTH = 48, 60
@@ -236,8 +238,9 @@ def test_another_skin_on_the_same_lobes_is_off_by_no_more_than_its_fit(plane, na
     assert off < 0.5 * apart(base.radiant_exitance(), plane(skin={"preset": name}).radiant_exitance())
 
 
-def test_relighting_knows_the_table(plane):
+def test_relighting_knows_the_table(plane, monkeypatch):
     """A white sky by the basis is the bake's own, of skin that varies too."""
+    monkeypatch.setattr(transfer, "unseen_lights", few_lights)
     sky = {"name": "sky", "type": "environment", "radiance": [1, 1, 1]}
     parts = {
         "lights": [sky],

@@ -348,7 +348,7 @@ def each_change():
 
 @pytest.fixture(autouse=True)
 def quick_writing(monkeypatch):
-    """Each fit is made once, and nothing waits for the disk."""
+    """Each fit is made once, its tables are coarse, and nothing waits for the disk."""
     fits = {}
 
     def fit_once(skin, table, over):
@@ -359,6 +359,7 @@ def quick_writing(monkeypatch):
 
     monkeypatch.setattr("skinbake.baking.inputs.fit_skin", fit_once)
     monkeypatch.setattr("skinbake.diffuse.planning.texture_size.SMALLEST", 16)
+    monkeypatch.setattr("skinbake.profile.fit_table.NODES", {1: (5, 1), 2: (3, 2)})
     monkeypatch.setattr("os.fsync", lambda file: None)
     monkeypatch.setattr("skinbake.relight.transfer.unseen_lights", lambda seed: every_unseen_light(seed)[32:34])
 
