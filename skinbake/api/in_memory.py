@@ -60,7 +60,7 @@ def bake(look: SceneSpec | Path | str, verbosity: int = 0) -> BakedSkin:
     inputs = BakeInputs(spec, session, log)
     stages = look_stages(inputs, MemoryStore(), session, log)
     with log.telling_of_compiling():
-        refuse_spoilt_look(inputs, stages)
+        refuse_spoilt_look(inputs, stages, on_disk=False)
         baked = pipeline.bake(stages)
     lobes = baked.diffuse.lobes
     return BakedSkin(

@@ -62,10 +62,17 @@ def put_aside(inputs: BakeInputs, stages: Stages, spool: Spool) -> None:
         stages.raster.put_aside(spool)
 
 
-def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> UvReport | None:
+def refuse_spoilt_look(inputs: BakeInputs, stages: Stages, on_disk: bool = True) -> UvReport | None:
     """Read what is new and stop at what would spoil the bake, before anything is written.
 
     Gives what was found of the UVs; None where no light will be traced.
+
+    Parameters
+    ----------
+    inputs : BakeInputs
+    stages : Stages
+    on_disk : bool
+        Whether results stand in files.
 
     Raises
     ------
@@ -75,7 +82,7 @@ def refuse_spoilt_look(inputs: BakeInputs, stages: Stages) -> UvReport | None:
         More memory than there is.
     """
     if stages.irradiance.stale() or (stages.relight and stages.relight.stale()):
-        refuse_too_large(inputs.spec, inputs.decisions, len(inputs.tiles))
+        refuse_too_large(inputs.spec, inputs.decisions, len(inputs.tiles), on_disk)
         uv = uv_report(inputs.scene().mesh, stages.raster.result())
         refuse_spoilt(uv, inputs.spec.mesh.path)
         return uv

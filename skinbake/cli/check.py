@@ -237,6 +237,7 @@ def expected(
     """
     from skinbake.baking.cost_model import START_S, Work, stage_seconds
     from skinbake.baking.pace import paced
+    from skinbake.diffuse.memory import LOADED_BYTES, memory_needed_bytes
     from skinbake.diffuse.methods import METHODS
     from skinbake.diffuse.planning.rules import stored_level
     from skinbake.diffuse.terms.thin_parts import transmitted_level
@@ -270,15 +271,16 @@ def expected(
         packed = value * covered * (megatexels / tiles) ** -0.1 * (1.9 if spec.output.precision == "float" else 1.0)
         irradiance = packed * 4 * (0.31 * bright + 0.21 * dark)
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
-    needed = megatexels * (235 + (15 if summed else 58) * (lights - 1)) if lights else 0.0
+    # Lights stored summed are blurred summed
+    needed = memory_needed_bytes(spec.texture.size, 1 if summed else lights, tiles, on_disk=True) / 2**20
+    needed = needed + megatexels * 8 * (lights - 1 if summed else 0) if lights else 0.0
     relight = {}
     if spec.relight is not None and not spec.relight.reuse:
         textures, of = spec.relight.textures, tiles * transfer_size(spec)[0] * transfer_size(spec)[1] / 2**20
         needed = max(needed, of * (235 + 24 * textures + 58 * AT_ONCE))
         relight["relight_mib"] = round(SIGNED_SHARE * value * of * uv.coverage * 3 * textures, 2)
     return {
-        # Lights stored summed are blurred summed
-        "memory_mib": round(490 + images_mib + needed + megatriangles * 1400),
+        "memory_mib": round(LOADED_BYTES / 2**20 + images_mib + needed + megatriangles * 1400),
         "seconds": round(
             START_S
             + sum(paced(stage_seconds(spec, budget, work)).values())

@@ -21,11 +21,14 @@ class Aside(NamedTuple):
         Takes an array and gives the same values.
     rest : callable
         Frees the memory of what was read again of all that was put aside.
+    on_disk : bool
+        Whether it stands in no memory.
     """
 
     lobe: Callable[[Lobe], Lobe]
     array: Callable[[NDArray[Any]], NDArray[Any]]
     rest: Callable[[], None]
+    on_disk: bool
 
 
-IN_MEMORY = Aside(lambda lobe: lobe, lambda array: array, lambda: None)
+IN_MEMORY = Aside(lambda lobe: lobe, lambda array: array, lambda: None, False)

@@ -102,7 +102,8 @@ def diffuse(
     # Check, and scale what float32 could not sum
     fixed = method_asked_for(spec.method, spec.normalise)
     tiles = checked_source(source, lights, atlas)
-    check_memory(atlas[0].shape, len(lights), len(atlas), len(gaussians.variance_mm2), spec.method, beam is not None)
+    lobes, shifted = len(gaussians.variance_mm2), beam is not None
+    check_memory(atlas[0].shape, len(lights), len(atlas), lobes, spec.method, shifted, aside.on_disk)
     scaled, exponents = scaled_source(tiles)
     geometry = SkinGeometry(atlas, mesh, aside)
     weights = skin.weights if skin else SkinWeights.of(gaussians, SkinMaps())

@@ -7,6 +7,7 @@ face make of it begins here, light by light, so that each stays linear in its li
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -115,6 +116,7 @@ def light_entering(
     gaussians: GaussianSum,
     medium: SkinMedium,
     incidence: Incidence | None,
+    rest: Callable[[], None] = lambda: None,
 ) -> LightEntering:
     """Irradiance with the terms `incidence`, `beam` and `interreflection`, times albedo^x; theory.md 9.5 to 9.7.
 
@@ -133,6 +135,8 @@ def light_entering(
         The skin's, or why nothing is known of it or of the directions of light.
     incidence : Incidence, optional
         Of the medium, unless it is not asked for or there is no medium.
+    rest : callable, optional
+        Frees the memory of maps and irradiance once they were read.
     """
     slant = slant_of(incidence, reference_reflectance(spec, gaussians, medium, incidence)) if incidence else None
     names = irradiance[0].lights
@@ -176,6 +180,7 @@ def light_entering(
         if moved is not None:
             further[raster.tile] = moved
         del out, moved, normal  # large, and the terms that follow need room
+    rest()
     if not decisions.separate_lights:
         names = (TOTAL_LIGHT,)
 
@@ -188,6 +193,7 @@ def light_entering(
     reflected = [a * weights.total_image(r.tile, r.shape) for a, r in zip(albedo, atlas, strict=True)]
     lines, skin_light = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
     plan += lines
+    del reflected
 
     area = [raster.area_mm2[..., None] for raster in atlas]
     total = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True))
@@ -350,9 +356,18 @@ def _bounce(
     terms, udim = spec.terms, spec.texture.udim
     if terms.interreflection == "off":
         return [Decision("interreflection", False, "off")], None
-    again = [colour * np.mean(list(gain.values()), axis=0) for colour in reflected]
+    mean_gain = np.mean(list(gain.values()), axis=0)
     lines, bounced = decide_interreflection(
-        scene.mesh, scene.occluder, names, list(light.values()), again, atlas, udim, terms.interreflection, limits
+        scene.mesh,
+        scene.occluder,
+        names,
+        list(light.values()),
+        reflected,
+        atlas,
+        udim,
+        terms.interreflection,
+        limits,
+        mean_gain,
     )
     if not any(line.enabled for line in lines):
         return lines, None
@@ -363,13 +378,15 @@ def _bounce(
     view = look_around(
         scene.mesh, scene.occluder, spec.texture.size, spec.texture.gutter, udim, taken.width_mm, taken.rays
     )
+    seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
     bounces = {}
     for i, (name, line) in enumerate(zip(names, lines, strict=True)):
         if not line.enabled:
             continue
         sent = [rgb[i : i + 1] * colour for rgb, colour in zip(light.values(), reflected, strict=True)]
-        later = [gain[name] * colour for colour in reflected]
-        found = bounced_light(view, sent, later, *terms.bounces_for(limits[i], bounced[i].rms))
+        found = bounced_light(
+            view, sent, [gain[name] * colour for colour in seen], *terms.bounces_for(limits[i], bounced[i].rms)
+        )
         lines[i] = replace(
             line,
             error=float(np.hypot(line.error, found.left * bounced[i].rms)),
@@ -378,7 +395,6 @@ def _bounce(
         for raster, small in zip(atlas, found.tiles, strict=True):
             add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
         bounces[name] = found.bounces
-    seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
     return lines, SkinLight(view, seen, {name: gain[name] for name in bounces}, bounces)
 
 

@@ -6,11 +6,19 @@ from skinbake.diffuse.methods import METHODS, method_asked_for
 from skinbake.errors import MachineError
 from skinbake.machine import physical_memory_bytes
 
+LOADED_BYTES = 505 << 20  # libraries, compiled kernels, OpenGL and its picture, besides all textures
+
 
 def memory_needed_bytes(
-    size: tuple[int, ...], lights: int, tiles: int = 1, lobes: int = 6, method: str = "auto", beam: bool = False
+    size: tuple[int, ...],
+    lights: int,
+    tiles: int = 1,
+    lobes: int = 6,
+    method: str = "auto",
+    beam: bool = False,
+    on_disk: bool = False,
 ) -> int:
-    """Peak memory of the diffusion of full textures, an upper estimate from the arrays that live together.
+    """Peak memory of a bake's full textures, besides `LOADED_BYTES`, maps and mesh.
 
     Parameters
     ----------
@@ -22,6 +30,8 @@ def memory_needed_bytes(
         `diffusion.method`; any method may come into use with `auto`.
     beam : bool
         Whether wider lobes blur another light: a second source, its moments, its premultiplied copy and its leaves.
+    on_disk : bool
+        Whether what no step reads stands in temporary files, as in a bake into a folder.
 
     Raises
     ------
@@ -30,31 +40,44 @@ def memory_needed_bytes(
 
     Notes
     -----
-    Per texel and tile: the atlas 20 bytes and the source 12 L are the caller's; each lobe kept at full size is 12 L
-    (the three narrowest lobes, as a rule; the others are stored smaller and add half of one). `texture` holds a
+    On disk: measured on the sample head at 512^2 to 4096^2 with one light and with three, whose peaks are the tree of
+    texels (23 + 9 L), made of points (29), light (12 L) and moments (11 + 4 L), and light from skin to skin.
+
+    In memory, an upper estimate from the arrays that live together, per texel and tile: the atlas 20 bytes and the
+    source 12 L are the caller's; each lobe kept at full size is 6 (L + 1), as halves with their sum (the three
+    narrowest lobes, as a rule; the others are stored smaller and add half of one). `texture` holds a
     premultiplied copy with its pyramid, 16 L + 6. The 3-D methods hold points of the texels and of their extension
     (40 + 12), the texels as sources (8 + 12 L, and 24 in leaves), half as much again for one lobe's clusters, their
     moment pyramid (11 + 4 L) and the order in which they are written (4). `hybrid` lobes, which `auto` makes too, need
     both at once.
     """
     texels = size[0] * size[1] * tiles
-    kept = min(lobes, 3.5) * 12 * lights
+    again = (12 + 4 + 16 + 12) * lights if beam else 0
+    if on_disk:
+        return int(texels * (72 + 24.6 * lights + again))
+    kept = min(lobes, 3.5) * 6 * (lights + 1)
     per_texel = 20 + 12 * lights + kept
     surface = 52 + 1.5 * (32 + 12 * lights) + 11 + 4 * lights + 4
     per_texel += surface  # probes are checked against the surface integral, whatever the method
     fixed = method_asked_for(method)
     per_texel += max(each.memory_bytes_per_texel(lights) for each in ([fixed] if fixed else METHODS.values()))
-    if beam:
-        per_texel += (12 + 4 + 16 + 12) * lights
-    return int(texels * per_texel)
+    return int(texels * (per_texel + again))
 
 
-def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, method: str, beam: bool = False) -> None:
+def check_memory(
+    size: tuple[int, ...],
+    lights: int,
+    tiles: int,
+    lobes: int,
+    method: str,
+    beam: bool = False,
+    on_disk: bool = False,
+) -> None:
     """Refuse early what this machine cannot hold.
 
     Parameters
     ----------
-    size, lights, tiles, lobes, method, beam
+    size, lights, tiles, lobes, method, beam, on_disk
         See `memory_needed_bytes`.
 
     Raises
@@ -62,11 +85,11 @@ def check_memory(size: tuple[int, ...], lights: int, tiles: int, lobes: int, met
     MachineError
         With the memory it would need and what to change.
     """
-    needed = memory_needed_bytes(size, lights, tiles, lobes, method, beam)
+    needed = LOADED_BYTES + memory_needed_bytes(size, lights, tiles, lobes, method, beam, on_disk)
     there = physical_memory_bytes()
     if needed > there:
         raise MachineError(
-            f"diffusion of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about "
+            f"a bake of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about "
             f"{needed / 2**30:.0f} GiB of memory, this machine has {there / 2**30:.0f} GiB: lower texture.size, or set "
             "output.lights to total"
         )

@@ -83,7 +83,7 @@ def scatter(
     tell("light that enters the skin")
     skin = VaryingSkin.of(gaussians, scene.maps, atlas)
     entered = base or EnteredSkin(gaussians, medium, incidence)
-    entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered)
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered, aside.rest)
     if base is not None:
         entering = _curved_as(entering, spec, decisions, scene, gaussians, medium)
     aside.rest()
@@ -227,7 +227,7 @@ def table_decision(gaussians: GaussianSum, table: WeightTable, skin: SkinSpec) -
     return Decision("skin varies", True, why)
 
 
-def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int) -> None:
+def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int, on_disk: bool = True) -> None:
     """Stop before anything is rasterised that this machine cannot hold.
 
     Parameters
@@ -236,6 +236,8 @@ def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int) -> None:
     decisions : Decisions
     tiles : int
         How many.
+    on_disk : bool
+        Whether results stand in files, as in a bake into a folder.
 
     Raises
     ------
@@ -244,4 +246,4 @@ def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int) -> None:
     """
     lights = len(decisions.stored_lights)
     shifted = spec.terms.beam != "off" and not isinstance(free_path_of(skin_medium(spec.skin)), str)
-    check_memory(spec.texture.size[::-1], lights, tiles, LIKELY_LOBES, spec.diffusion.method, shifted)
+    check_memory(spec.texture.size[::-1], lights, tiles, LIKELY_LOBES, spec.diffusion.method, shifted, on_disk)

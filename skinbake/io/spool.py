@@ -32,6 +32,11 @@ class Spool:
         self._folder = folder
         self._files: WeakSet[mmap.mmap] = WeakSet()
 
+    @property
+    def on_disk(self) -> bool:
+        """Whether there is a folder for files."""
+        return self._folder is not None
+
     def keep(self, values: NDArray[Kind]) -> NDArray[Kind]:
         """The same values, to be read from a file as they are asked for."""
         if self._folder is None or values.nbytes < _SMALLEST:

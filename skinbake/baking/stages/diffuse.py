@@ -187,7 +187,10 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             remember=self._remember(),
             base=self._base(slanted_asked),
             aside=Aside(
-                partial(as_stored_lobe, precision=inputs.spec.output.precision, spool=spool), spool.keep, spool.rest
+                partial(as_stored_lobe, precision=inputs.spec.output.precision, spool=spool),
+                spool.keep,
+                spool.rest,
+                spool.on_disk,
             ),
         )
         return made if line is None else replace(made, plan=(*made.plan, line))

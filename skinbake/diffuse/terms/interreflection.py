@@ -36,6 +36,7 @@ COARSENESS = 0.4, 3.0  # the finest and the coarsest there are, in units of thes
 ESTIMATED, ESTIMATE_RAYS = 4000, 16  # texels and rays by which `auto` decides
 NOISE_FALL = 0.85  # exponent by which rays on a lattice lose their noise, on a head and about a hill
 _OTHER_TURN = 7919
+_ALL = np.ones(3, np.float32)
 _SLOWEST = 0.95  # most that a bounce is believed to keep of the last one: the rest of the series is finite
 
 _R2 = 0.7548776662466927, 0.5698402909980532  # [Roberts2018]
@@ -310,6 +311,7 @@ def decide_interreflection(
     udim: bool,
     switch: str,
     limits: Sequence[float],
+    gain: Image = _ALL,
 ) -> tuple[list[Decision], list[Bounced]]:
     """Whether skin lights skin by more than may be left out, a line a light, and how much that is.
 
@@ -324,13 +326,15 @@ def decide_interreflection(
     light : sequence of ndarray of shape (L, H, W, 3)
         Irradiance, by tile.
     reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
-        What of it arrives again where it falls on skin.
+        What of it leaves.
     atlas : Atlas
         The full one.
     udim : bool
     switch : "auto", "on" or "off"
     limits : sequence of L float
         What may be left out of each light.
+    gain : ndarray of shape (3,), float32
+        What of that enters where it falls on skin.
     """
     if switch == "off":
         return [Decision("interreflection", False, "off")], []
@@ -355,11 +359,11 @@ def decide_interreflection(
             texel, ray = np.nonzero((seen != NOTHING) & (seen_tile == k))
             at = np.divmod(seen[texel, ray], width)
             sent = other[:, at[0], at[1]].astype(np.float64)
-            sent *= np.broadcast_to(colour, (height, width, 3))[at]
+            sent *= np.broadcast_to(colour, (height, width, 3))[at] * gain
             for total, each in zip(got, sent, strict=True):
                 np.add.at(total, (texel, ray // (ESTIMATE_RAYS // 2)), each * (2 / ESTIMATE_RAYS))
         # As it leaves again: what is red counts more where the skin is
-        colour = np.broadcast_to(reflected[number], (height, width, 3))[rows, cols].astype(np.float64)
+        colour = (np.broadcast_to(reflected[number], (height, width, 3))[rows, cols] * gain).astype(np.float64)
         direct = image[:, rows, cols] * colour
         got *= colour[:, None]
         share = area[-1] / len(flat)
@@ -515,7 +519,7 @@ def _collect(start, stop, met, tile, image, out):  # type: ignore[no-untyped-def
 
 
 def fitted(colour: Image, shape: tuple[int, ...]) -> Image:
-    """A map at the middle texels of a smaller size; a constant as it is."""
+    """A map at the middle texels of a smaller size, or of its own; a constant as it is."""
     height, width = colour.shape[:2]
     if (height, width) == (1, 1):
         return colour
