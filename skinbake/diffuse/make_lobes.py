@@ -16,6 +16,7 @@ from skinbake.diffuse.probes import Probes, light_at_probes, read_at_probes
 from skinbake.diffuse.resources import Resource
 from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.texture_space.blur import level_size
+from skinbake.machine import return_freed
 from skinbake.numerics import Float
 
 T = TypeVar("T")
@@ -99,6 +100,7 @@ def make_lobes(
         memoizer.resources.rest()
         made[i] = finish(i, lobe)
         del lobe
+        return_freed()
         memoizer.release_lobe(parameters.variance_mm2)
 
     lobes = [made[i] for i in range(len(plans))]

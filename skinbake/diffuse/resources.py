@@ -92,7 +92,7 @@ class LobeResources:
         self._clusters = {key: tree for key, tree in self._clusters.items() if key[0] != variance_mm2}
 
     def _every_texel(self) -> SourceTree:
-        tree = self._put_aside(source_tree(self.lit))
+        tree = self._put_aside(source_tree(self.lit, rest=self.rest))
         return_freed()  # as much again
         return tree
 
@@ -117,6 +117,7 @@ class LobeResources:
         for tile, lit in found.items():
             blocks = lit.pyramid._replace(moments=array(lit.pyramid.moments), radiosity=array(lit.pyramid.radiosity))
             found[tile] = lit._replace(pyramid=blocks)
+        self.rest()
         return found
 
     def _weighed(self, tile: int, points: TexelPoints) -> NDArray[np.float32]:

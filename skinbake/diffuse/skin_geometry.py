@@ -104,4 +104,6 @@ class SkinGeometry:
 
     def _points(self, level: int) -> Tiled[TexelPoints]:
         points = {r.tile: texel_points(r, self.mesh, self.centre_mm) for r in self.level_atlas(level)}
-        return {tile: TexelPoints(*map(self._aside.array, each)) for tile, each in points.items()}
+        points = {tile: TexelPoints(*map(self._aside.array, each)) for tile, each in points.items()}
+        self._aside.rest()  # of the raster
+        return points

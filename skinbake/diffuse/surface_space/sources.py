@@ -10,6 +10,7 @@ deep as it must.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ LEAVES, GROUPS = np.int64(0), np.int64(1)  # levels of boxes: what `near_boxes` 
 STACK = 16 * LANES  # of `near_boxes`: a tree of any size needs half of it, the groups to begin from may take the rest
 _FAR2 = np.float32(64)  # squared distance to the next source, in areas of the larger: beyond a leaf's own skin
 _NOWHERE = np.float32(1e18)
+_ROOTS_AT_ONCE = 1024  # 2048 x 2048 texels
 _TREE_LEVELS = 16  # of boxes, more than there ever are
 _ZERO = np.float32(0)
 
@@ -99,6 +101,7 @@ def source_tree(
     lit: Tiled[LitTile],
     max_spread_mm2: float = -1.0,
     variance_mm2: float = 1.0,
+    rest: Callable[[], None] = lambda: None,
 ) -> SourceTree:
     """The widest blocks whose spread is at most `max_spread_mm2`, and single texels elsewhere.
 
@@ -111,6 +114,8 @@ def source_tree(
     variance_mm2 : float
         v of the lobe: a cluster spreads by its own spread s^2 less. `NARROWING` is v / (v - s^2), `AMPLITUDE` the area
         times that.
+    rest : callable, optional
+        Called now and then: frees the memory of what was read.
     """
     walks = []
     for points, light, pyramid in lit.values():
@@ -126,8 +131,11 @@ def source_tree(
     done = 0
     for points, light, pyramid, order, count in walks:
         begin = (total[done : done + len(count)] - count)[:, 1]
-        found, out = _Walked(order, count), _Leaves(begin, leaf, box)
-        parallel_for(_write, len(order), found, points, light, (pyramid, np.float32(variance_mm2)), out)
+        for root in range(0, len(order), _ROOTS_AT_ONCE):
+            part = slice(root, root + _ROOTS_AT_ONCE)
+            mine, into = _Walked(order[part], count[part]), _Leaves(begin[part], leaf, box)
+            parallel_for(_write, len(mine.order), mine, points, light, (pyramid, np.float32(variance_mm2)), into)
+            rest()
         done += len(count)
     levels = [box]
     while len(levels[-1]) > 1:
