@@ -43,7 +43,7 @@ class SmallLight(NamedTuple):
 
     @classmethod
     def of(cls, rgb: Mapping[int, Image], thin: ThinParts) -> SmallLight:
-        """The same light at fewer texels: what stands at the middle of each."""
+        """The same light at fewer texels: what stands at the middle of each; itself, where they are no fewer."""
         return cls(thin, tuple(_at_middles(rgb[each.raster.tile], each.raster.shape) for each in thin.tiles))
 
 
@@ -58,7 +58,7 @@ def sent_on(
     gaussians: GaussianSum,
     rest: Callable[[], None] = lambda: None,
 ) -> Lobe:
-    """Transmitted light with what other skin gets of it.
+    """Transmitted light with what other skin gets of it. Takes the pixels out of `through`.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def sent_on(
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     weights, before = SkinWeights.of(gaussians, scene.maps), np.float32(spec.texturing.exponent_before)
     total = [weights.total_image(raster.tile, raster.shape) for raster in atlas]
-    tiles = {raster.tile: through.rgb[raster.tile].copy() for raster in atlas}
+    tiles = {raster.tile: through.rgb.pop(raster.tile) for raster in atlas}
     for i, name in enumerate(names):
         if name not in skin_light.gain:
             continue
@@ -106,6 +106,8 @@ def sent_on(
 def _at_middles(images: Image, shape: tuple[int, int]) -> Image:
     """Images (L, H, W, 3) at the texels of another size: bilinear at a larger one, else what is at their middles."""
     height, width = images.shape[1:3]
+    if (height, width) == tuple(shape):
+        return np.asarray(images, np.float32)
     if height < shape[0] or width < shape[1]:
         return np.stack([magnify_bilinear(np.asarray(image, np.float32), shape) for image in images])
     rows = (2 * np.arange(shape[0]) + 1) * height // (2 * shape[0])
