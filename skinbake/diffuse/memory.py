@@ -85,11 +85,11 @@ def check_memory(
     MachineError
         With the memory it would need and what to change.
     """
-    needed = LOADED_BYTES + memory_needed_bytes(size, lights, tiles, lobes, method, beam, on_disk)
+    needed = memory_needed_bytes(size, lights, tiles, lobes, method, beam, on_disk)
     there = physical_memory_bytes()
     if needed > there:
         raise MachineError(
-            f"a bake of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about "
+            f"diffusion of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about "
             f"{needed / 2**30:.0f} GiB of memory, this machine has {there / 2**30:.0f} GiB: lower texture.size, or set "
             "output.lights to total"
         )
