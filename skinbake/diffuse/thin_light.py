@@ -14,17 +14,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import AtlasRaster, coarser_size
 from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.light_entering import albedo_of
 from skinbake.diffuse.skin_weights import SkinWeights
-from skinbake.diffuse.terms.interreflection import SkinLight, add_at_full_size
+from skinbake.diffuse.terms.interreflection import SkinLight, add_at_full_size, fitted
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
+from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
+SOURCE_MM = 1.0  # texels that send
+LEFT_OUT = 0.1  # of the tolerance: where less than this share of the light's rms arrives, none does
 
 
 class SmallLight(NamedTuple):
@@ -80,27 +84,47 @@ def sent_on(
     atlas = [each.raster for each in entered.thin.tiles]
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     weights, before = SkinWeights.of(gaussians, scene.maps), np.float32(spec.texturing.exponent_before)
+    sources = [_source_shape(raster, scene.mesh) for raster in atlas]
     total = [weights.total_image(raster.tile, raster.shape) for raster in atlas]
     tiles = {raster.tile: through.rgb.pop(raster.tile) for raster in atlas}
     for i, name in enumerate(names):
         if name not in skin_light.gain:
             continue
-        sent = []
-        for raster, colour, light, share in zip(atlas, albedo, entered.tiles, total, strict=True):
-            more = tiles[raster.tile][i] - light[i] * share
+        sent, square, area = [], 0.0, 0.0
+        for raster, shape, colour, light, share in zip(atlas, sources, albedo, entered.tiles, total, strict=True):
+            known = _at_middles(light[i : i + 1], shape)[0] * fitted(share, shape)
+            more = _at_middles(tiles[raster.tile][i : i + 1], shape)[0] - known
             for k, lobe in enumerate(lobes):
-                blurred = _at_middles(lobe.rgb[raster.tile][i : i + 1], raster.shape)[0]
-                more += blurred * weights.image(k, raster.tile, raster.shape)
+                blurred = _at_middles(lobe.rgb[raster.tile][i : i + 1], shape)[0]
+                more += blurred * fitted(weights.image(k, raster.tile, raster.shape), shape)
                 rest()
             # Skin is lit by what is shown, which is what is stored times the rest of the albedo
-            sent.append(more * colour ** (1 - before))
+            sent.append(more * fitted(colour, shape) ** (1 - before))
+            of = fitted(raster.area_mm2[..., None], shape)
+            square, area = square + float((of * known**2).sum()), area + 3 * float(of.sum())
+        least = np.float32(LEFT_OUT * spec.diffusion.tolerance * np.sqrt(square / max(area, 1e-30)))
         for raster, small, colour, share in zip(atlas, skin_light.lit_by(name, sent), albedo, total, strict=True):
             arrived = np.zeros((*raster.shape, 3), np.float32)
             add_at_full_size(small, raster, arrived)
+            at = np.nonzero(np.abs(arrived).max(axis=2) > least)
+            more = arrived[at] * _at(colour, at) ** before * _at(share, at)
+            # Less by the least there is, so that none of it begins with a step
+            more = np.sign(more) * np.maximum(np.abs(more) - least, 0)
             image = tiles[raster.tile][i]
-            image += arrived * colour**before * share
-            np.maximum(image, 0, out=image)  # next to a shadow, lit skin sends less than it gets
+            image[at] = np.maximum(image[at] + more, 0)  # next to a shadow, lit skin sends less than it gets
     return replace(through, rgb=tiles)
+
+
+def _source_shape(raster: AtlasRaster, mesh: SkinMesh) -> tuple[int, int]:
+    """Height and width of the texture that light is sent from."""
+    size = raster.shape[::-1]
+    width, height = coarser_size(mesh, size, SOURCE_MM)
+    return height, width
+
+
+def _at(image: Image, at: tuple[NDArray[np.intp], ...]) -> Image:
+    """Pixels of an image (H, W, 3), or of a constant."""
+    return image[0, 0] if image.shape[:2] == (1, 1) else image[at]
 
 
 def _at_middles(images: Image, shape: tuple[int, int]) -> Image:

@@ -27,6 +27,7 @@ def found(through, blurred, arrived, mode="pre-scatter"):
         {
             "mesh": {"path": "m.obj", "unit": "mm"}, "texture": {"size": list(SIZE)}, "texturing": {"mode": mode},
             "skin": {"model": "burley", "mean_free_path_mm": 1, "albedo_rgb": 0.5}, "output": {"dir": "out"},
+            "tolerance": 1e-4,
             "lights": [{"name": "sun", "type": "directional", "direction": [0, 0, 1], "irradiance": [1, 1, 1]}],
         }
     )  # fmt: skip
