@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 
 from skinbake import interrupt
@@ -12,7 +11,6 @@ def main(arguments: list[str] | None = None) -> None:
     """Run a verb; every expected failure ends as a message and an exit code, never as a traceback."""
     interrupt.install()  # before anything is imported that takes time
     code = run(arguments)
-    gc.freeze()  # else the interpreter's end looks through all objects of all libraries, for half a second
     interrupt.finish()
     sys.exit(code)
 

@@ -286,7 +286,8 @@ def test_bytes_are_the_same_whatever_the_number_of_threads(bakes):
         out = bakes.folder / f"of_{threads}"
         environment = os.environ | {"OPENBLAS_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads}
         more = ["--set", "diffusion.probes=2000", "--out", str(out)]
-        subprocess.run([*command, *more], cwd=ROOT, env=environment, check=True)
+        done = subprocess.run([*command, *more], cwd=ROOT, env=environment, check=True, capture_output=True, text=True)
+        assert done.stdout + done.stderr == "", "--quiet, and no library complains at the end"
         left.append(contents(out))
     assert left[0] == left[1]
 
