@@ -196,7 +196,7 @@ def point_of(subdivided: SubdividedMesh, face: int, b1: float, b2: float) -> tup
     return facet_point(subdivided.corner_mm, f, b1, b2)
 
 
-@kernel(inline=True)
+@kernel(inner=True)
 def offset_to_smooth_surface(
     subdivided: SubdividedMesh, step_mm: Float, face: int, b1: float, b2: float
 ) -> tuple[float, float, float, float, float, float]:
