@@ -217,9 +217,10 @@ def expected(
     """Memory, seconds and file sizes of a bake of this look and of its picture, once its machine code is compiled.
 
     Fitted to bakes of the sample head at 256^2 to 4096^2, with its own and with 16 times its triangles, and of the Lee
-    Perry-Smith scan at 1024^2 and 2048^2: within a factor 1.5 for memory and sizes; seconds, on two free cores of a 2.6
-    GHz server, within 1.5, times what this machine took longer before (`baking.pace`). Sizes are those of skin with its
-    albedo map; constant light on constant skin takes less.
+    Perry-Smith scan at 1024^2 and 2048^2: within a factor 1.5 for sizes; memory to the head with three lights at 512^2
+    to 4096^2, within a tenth; seconds, on two free cores of a 2.6 GHz server, within 1.5, times what this machine took
+    longer before (`baking.pace`). Sizes are those of skin with its albedo map; constant light on constant skin takes
+    less.
 
     Parameters
     ----------
@@ -271,16 +272,17 @@ def expected(
         packed = value * covered * (megatexels / tiles) ** -0.1 * (1.9 if spec.output.precision == "float" else 1.0)
         irradiance = packed * 4 * (0.31 * bright + 0.21 * dark)
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
-    # Lights stored summed are blurred summed
+    # Lights stored summed are blurred summed; drawn are the sum of each lobe, and maps and irradiance as they are
     needed = memory_needed_bytes(spec.texture.size, 1 if summed else lights, tiles, on_disk=True) / 2**20
-    needed = needed + megatexels * 8 * (lights - 1 if summed else 0) if lights else 0.0
+    needed = max(needed + megatexels * 8 * (lights - 1 if summed else 0), images_mib + megatexels * (80 + 15 * lights))
+    needed = needed if lights else images_mib
     relight = {}
     if spec.relight is not None and not spec.relight.reuse:
         textures, of = spec.relight.textures, tiles * transfer_size(spec)[0] * transfer_size(spec)[1] / 2**20
-        needed = max(needed, of * (235 + 24 * textures + 58 * AT_ONCE))
+        needed = max(needed, images_mib + of * (235 + 24 * textures + 58 * AT_ONCE))
         relight["relight_mib"] = round(SIGNED_SHARE * value * of * uv.coverage * 3 * textures, 2)
     return {
-        "memory_mib": round(LOADED_BYTES / 2**20 + images_mib + needed + megatriangles * 1400),
+        "memory_mib": round(LOADED_BYTES / 2**20 + needed + megatriangles * 1400),
         "seconds": round(
             START_S
             + sum(paced(stage_seconds(spec, budget, work)).values())

@@ -40,8 +40,8 @@ def memory_needed_bytes(
 
     Notes
     -----
-    On disk: measured on the sample head at 512^2 to 4096^2 with one light and with three, whose peaks are the tree of
-    texels (23 + 9 L), made of points (29), light (12 L) and moments (11 + 4 L), and light from skin to skin.
+    On disk: fitted to the sample head at 2048^2 and 4096^2 with three lights. The share of L is that of the arrays of
+    its peaks: the tree of texels (23 + 9 L), made of points (39) and light (12 L), and a lobe (12 L).
 
     In memory, an upper estimate from the arrays that live together, per texel and tile: the atlas 20 bytes and the
     source 12 L are the caller's; each lobe kept at full size is 6 (L + 1), as halves with their sum (the three
@@ -54,7 +54,7 @@ def memory_needed_bytes(
     texels = size[0] * size[1] * tiles
     again = (12 + 4 + 16 + 12) * lights if beam else 0
     if on_disk:
-        return int(texels * (72 + 24.6 * lights + again))
+        return int(texels * (86 + 30 * lights + again))
     kept = min(lobes, 3.5) * 6 * (lights + 1)
     per_texel = 20 + 12 * lights + kept
     surface = 52 + 1.5 * (32 + 12 * lights) + 11 + 4 * lights + 4
