@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skinbake.scene.spec import SceneSpec
 
 EMPTY_PICTURE = "nothing of the head is in the picture: preview.camera looks elsewhere, or stands inside of it"
+NEARLY = 1.25  # texels wider than the finest detail by less lose little of it
 LARGEST_TEXTURE = 16384  # that is proposed
 
 
@@ -84,7 +85,7 @@ def _coarse(spec: SceneSpec, texel_mm: float, gaussians: GaussianSum) -> list[st
     """
     weight = gaussians.weight_rgb / np.maximum(gaussians.weight_rgb.sum(axis=0), 1e-12)
     finest_mm = float((gaussians.variance_mm2**0.5 @ weight).mean())
-    if texel_mm <= finest_mm:
+    if texel_mm <= NEARLY * finest_mm:
         return []
     width, height = spec.texture.size
     times = 2
