@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,8 @@ from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.skin import SkinSpec
+
+_AT_ONCE = 1 << 18  # texels whose weights are read from a table at a time
 
 
 @dataclass(frozen=True)
@@ -84,14 +88,14 @@ class SkinWeights:
         if lobe >= self.table.weight_rgb.shape[2]:
             return self.scatter_image(tile, shape)[..., None] * self.weight_rgb[lobe].astype(np.float32)
         values = self._images(tile, shape)
-        return self.table.of_lobe(lobe, values).astype(np.float32).reshape(_shape(values, shape))
+        return _in_strips(partial(self.table.of_lobe, lobe), values).reshape(_shape(values, shape))
 
     def total_image(self, tile: int, shape: tuple[int, int]) -> NDArray[np.float32]:
         """What the skin gives back of light at every texel, as `image`."""
         if self.table is None:
             return self.weight_rgb.sum(axis=0).astype(np.float32)[None, None]
         values = {name: each for name, each in self._images(tile, shape).items() if name != "scatter"}
-        return self.table.total(values).astype(np.float32).reshape(_shape(values, shape))
+        return _in_strips(self.table.total, values).reshape(_shape(values, shape))
 
     def scatter_image(self, tile: int, shape: tuple[int, int]) -> NDArray[np.float32]:
         """Share of the light that scatters at every texel, (H, W), or (1, 1) where it is the same everywhere."""
@@ -163,6 +167,17 @@ class VaryingSkin:
 def uniform_scatter(gaussians: GaussianSum, skin: SkinSpec) -> float:
     """Share of the light that scatters everywhere; 1 where a map says it place by place."""
     return 1.0 if gaussians.table is not None and gaussians.table.scatters else skin.scatter
+
+
+def _in_strips(read: Callable[[Mapping[str, Float]], Float], values: Mapping[str, Float]) -> NDArray[np.float32]:
+    """What a table gives for each texel, (P, 3): some at a time, since it takes many times the memory of the result."""
+    count = max((len(each) for each in values.values()), default=1)
+    found = []
+    for first in range(0, count, _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        strip = {name: each if len(each) == 1 else each[part] for name, each in values.items()}
+        found.append(read(strip).astype(np.float32))
+    return np.concatenate(found)
 
 
 def _shape(values: dict[str, Float], shape: tuple[int, int]) -> tuple[int, int, int]:
