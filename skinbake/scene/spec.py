@@ -178,8 +178,8 @@ class TermsSpec(Strict):
             Rms of the first bounce, as a share of the same.
         """
         if self.bounces == "auto":
-            # A tenth: once rays are traced, another bounce costs next to nothing
-            return MOST_BOUNCES, 0.1 * limit / max(first, 1e-12)
+            # A tenth: once rays are traced, another bounce costs little; but no chase after a thousandth of the first
+            return MOST_BOUNCES, max(0.1 * limit / max(first, 1e-12), 1e-3)
         return self.bounces, 0.0
 
 
