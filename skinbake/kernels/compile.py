@@ -41,7 +41,6 @@ from numba.core.serialize import dumps
 from numba.extending import is_jitted
 
 from skinbake.interrupt import undone_at_stop
-from skinbake.kernels import quick_numba
 from skinbake.kernels.watch_compiling import tell_watchers
 
 _KEPT_DAYS = 30
@@ -296,7 +295,6 @@ def _name(compiled: Dispatcher) -> str:
 
 
 event.register("numba:compile", _Compiling())
-quick_numba.install()
 
 
 class _KernelCache(_Cache):
