@@ -38,7 +38,8 @@ def project(tmp_path):
     script.chmod(0o755)
     (tmp_path / ".venv" / ".ready").touch()
     (tmp_path / "data").mkdir()
-    for name in ("head.obj", "albedo.png", "normal.png", "roughness.png"):
+    maps = ("albedo", "normal", "roughness", "melanin", "haemoglobin", "cavity")
+    for name in ("head.obj", *(f"{each}.png" for each in maps)):
         (tmp_path / "data" / name).touch()
     (tmp_path / "configs" / "skins").mkdir(parents=True)
     write_obj(tmp_path / "configs" / "mesh.obj", relief(segments=24))

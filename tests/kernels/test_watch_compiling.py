@@ -72,7 +72,7 @@ def _piece(descriptor):
 
 def test_a_bar_on_a_terminal(python):
     """Drawn while a kernel is compiled; lines of stages stand whole above it."""
-    soon = "from skinbake import progress; progress.SHORT_S, progress.DRAW_S = 0.01, 0.05\n"
+    soon = "from skinbake import progress; progress.SHORT_S, progress.DRAW_S = 0.001, 0.01\n"
     ours, theirs = pty.openpty()
     try:
         python(soon + RUN, "1", stderr=theirs)
