@@ -129,7 +129,14 @@ def _tile(
         textures[name] = [image.record for image in made]
         return made
 
-    lobes = [add(f"lobe_{i}", "", lobe.rgb[number], "sqrt") for i, lobe in enumerate(scene.lobes)]
+    lobes: list[list[CodedImage]] = []
+    for i, lobe in enumerate(scene.lobes):  # lobes too narrow to be blurred are one image
+        same = next((k for k in range(i) if np.array_equal(scene.lobes[k].rgb[number], lobe.rgb[number])), None)
+        if same is None:
+            lobes.append(add(f"lobe_{i}", "", lobe.rgb[number], "sqrt"))
+        else:
+            lobes.append(lobes[same])
+            textures[f"lobe_{i}"] = [{"same_as": f"lobe_{same}"}]
     weights = [float(np.mean(lobe.weight_rgb)) for lobe in scene.lobes]
     for layer in zip(*lobes, strict=True):  # of what they add up to: a faint lobe may be coarse
         wrong = np.sqrt(sum((weight * image.rms) ** 2 for weight, image in zip(weights, layer, strict=True)))

@@ -36,7 +36,7 @@ pytestmark = pytest.mark.slow  # processes, waits, or many bakes
 
 SIZE = (120, 150)
 VIEWS = ("front", "left", "three-quarter-right", "back")
-MODES = ("full", "diffuse", "specular", "none", "lobe:1")
+MODES = ("full", "diffuse", "specular", "none", "lobe:1", "lobe:2")
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +63,9 @@ def test_the_page_needs_nothing_else(page, bake, tmp_path):
     data = re.search(r'<script id="bake" type="application/json">(.*?)</script>', text, re.DOTALL)[1]
     assert "<" not in data
     assert json.loads(data)["lights"] == ["key", "lamp"]
+    textures = json.loads(data)["tiles"][0]["textures"]
+    assert textures["lobe_1"] == [{"same_as": "lobe_0"}], "lobes too narrow to be blurred are one image"
+    assert all("data" in each for each in textures["lobe_2"])
     assert run(["export", str(bake), "--to", str(tmp_path), "--web", "--quiet"]) == 0
     assert (tmp_path / NAME).read_bytes() == page.read_bytes()
 

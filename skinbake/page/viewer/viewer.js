@@ -222,7 +222,8 @@
       const textures = { oil_albedo: oilTexture() };
       for (const [name, layers] of Object.entries(tile.textures)) {
         note.textContent = `Loading, ${++done} of ${total} textures`;
-        textures[name] = await (layers[0].levels ? normalTexture(layers[0]) : arrayTexture(layers));
+        const same = layers[0].same_as;
+        textures[name] = same ? textures[same] : await (layers[0].levels ? normalTexture(layers[0]) : arrayTexture(layers));
       }
       made.push({ ...tile, textures, array: await geometryOf(tile) });
     }
