@@ -14,7 +14,8 @@ LOOK = """\
 mesh: {path: mesh.obj, unit: mm, any_size: true}
 maps: {albedo: albedo.png, normal: normal.png, roughness: rough.png}
 texture: {size: [64, 48], gutter: 4}
-skin: {model: gaussians, variance_mm2: [1.0e-9, 2.0e-9, 300.0], weight_rgb: [[0.2, 0.3, 0.4], [0.3, 0.3, 0.3], [0.5, 0.4, 0.3]]}
+skin: {model: gaussians, variance_mm2: [1.0e-9, 2.0e-9, 300.0],
+  weight_rgb: [[0.2, 0.3, 0.4], [0.3, 0.3, 0.3], [0.5, 0.4, 0.3]]}
 lights:
   - {name: key, type: directional, direction: [-0.6, 0, -0.8], irradiance: [1, 2, 3]}
   - {name: lamp, type: point, position_mm: [10, 20, 60], intensity: [900, 800, 700]}
