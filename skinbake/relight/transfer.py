@@ -40,7 +40,7 @@ DEFAULT_SIZE = 1024
 ORDER = 14  # of the harmonics in which lights are described to a fitted basis
 CHOOSING, POINTS = 8, 8192  # skies and points of the skin by which a basis is chosen
 AT_ONCE = 8  # lights that are blurred together
-JUDGED_WITHIN = 0.003  # tolerance of the blurs that are compared
+JUDGED_WITHIN = 0.005  # tolerance of the blurs that are compared
 
 
 @dataclass(frozen=True)

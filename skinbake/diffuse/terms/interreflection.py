@@ -54,9 +54,11 @@ class SkinView:
         Place in the atlas of each texel that sees skin.
     flat_index : ndarray of shape (n,), int64
         row * w + col of each.
-    seen_tile, seen : ndarrays of shape (n, rays), int32
-        Place in the atlas, and row * W + col in the full texture, of the skin that each ray meets; `seen` is NOTHING
-        where it meets none.
+    seen : ndarray of shape (n, rays), int32
+        Which texel of `met` each ray meets, NOTHING where it meets no skin.
+    met : tuple of ndarray of shape (m,), int64
+        row * W + col in the full texture of the texels that any ray meets, a tile in the atlas's order; they are
+        numbered one tile after the other.
     size : (H, W)
         Of the full texture.
     """
@@ -64,9 +66,38 @@ class SkinView:
     atlas: Atlas
     tile: NDArray[np.int32]
     flat_index: Index
-    seen_tile: NDArray[np.int32]
     seen: NDArray[np.int32]
+    met: tuple[Index, ...]
     size: tuple[int, int]
+
+    def read(self, images: Sequence[Image]) -> Image:
+        """Values at the texels that are met, (m, L, 3), of images (L, h, w, 3) of any size, a tile each."""
+        return np.concatenate(
+            [
+                image[:, rows, cols].transpose(1, 0, 2)
+                for image, (rows, cols) in zip(images, self._at([each.shape[1:3] for each in images]), strict=True)
+            ],
+            dtype=np.float32,
+        )
+
+    def receiver(self) -> Index:
+        """Which receiving texel each texel lies in that is met, -1 where that receives nothing, (m,)."""
+        number, found = np.arange(len(self.tile)), []
+        shapes = [raster.shape for raster in self.atlas]
+        for k, (rows, cols) in enumerate(self._at(shapes)):
+            of_texel = np.full(shapes[k], -1)
+            mine = self.tile == k
+            of_texel.reshape(-1)[self.flat_index[mine]] = number[mine]
+            found.append(of_texel[rows, cols])
+        return np.concatenate(found)
+
+    def _at(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[Index, Index]]:
+        """Rows and columns of the texels that are met in textures of other sizes."""
+        height, width = self.size
+        return [
+            (flat // width * shape[0] // height, flat % width * shape[1] // width)
+            for flat, shape in zip(self.met, shapes, strict=True)
+        ]
 
 
 def look_around(
@@ -106,7 +137,14 @@ def look_around(
         seen_tile, seen = (np.concatenate([a[near], b], axis=1) for a, b in zip(first, more, strict=True))
         parts.append((np.full(len(near), k, np.int32), flat[near], seen_tile, seen))
     tile, texel, seen_tile, seen = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return SkinView(atlas, tile, texel, seen_tile, seen, size[::-1])
+    texels = size[0] * size[1]
+    hit = seen != NOTHING
+    place = seen_tile[hit].astype(np.int64) * texels + seen[hit]
+    among = np.zeros(len(atlas) * texels, np.bool_)
+    among[place] = True
+    seen[hit] = (np.cumsum(among, dtype=np.int32) - 1)[place]
+    met = tuple(np.flatnonzero(of_tile) for of_tile in among.reshape(len(atlas), texels))
+    return SkinView(atlas, tile, texel, seen, met, size[::-1])
 
 
 class Bounced(NamedTuple):
@@ -232,34 +270,34 @@ def bounced_light(
     """
     if bounces < 1:
         raise ValueError(f"bounces: expected at least 1, got {bounces}")
-    lights = sent[0].shape[0]
-    shapes = [raster.shape for raster in view.atlas]
-    again = [fitted(colour, shape) for colour, shape in zip(reflected, shapes, strict=True)]
-    share = [np.zeros((*shape, 1), np.float32) for shape in shapes]
-    for j, of in enumerate(share):
-        mine = view.tile == j
-        of.reshape(-1)[view.flat_index[mine]] = (view.seen[mine] != NOTHING).mean(axis=1) if mine.any() else 0
-    out = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
-    source: Sequence[Image] = sent
+    lights, shapes = sent[0].shape[0], [raster.shape for raster in view.atlas]
+    again = np.empty((len(view.tile), 1, 3), np.float32)
+    for k, (colour, shape) in enumerate(zip(reflected, shapes, strict=True)):
+        mine = view.tile == k
+        small = np.broadcast_to(fitted(colour, shape), (*shape, 3)).reshape(-1, 3)
+        again[mine, 0] = small[view.flat_index[mine]]
+    share = (view.seen != NOTHING).mean(axis=1, dtype=np.float32)[:, None, None] if view.seen.size else 0
+    source, lies_in = view.read(sent), view.receiver()
+    out = np.zeros((len(view.tile), lights, 3), np.float32)
     first, left = np.zeros(lights), np.ones(lights)
     for turn in range(bounces):
-        got = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
-        for k, image in enumerate(source):
-            for j, receiving in enumerate(got):
-                mine = np.flatnonzero(view.tile == j)
-                flat = receiving.reshape(lights, -1, 3)
-                met = _Seen(view.flat_index[mine], view.seen_tile[mine], view.seen[mine], view.size)
-                parallel_for(_collect, len(mine), met, k, np.ascontiguousarray(image, np.float32), flat)
-        for total, each in zip(out, got, strict=True):
-            total += each
-        source = [each * colour for each, colour in zip(got, again, strict=True)]
-        now, then = _rms(got), _rms([each * of for each, of in zip(source, share, strict=True)])
+        got = np.zeros_like(out)
+        values = source.reshape(len(source), 3 * lights)
+        parallel_for(_collect, len(got), view.seen, values, got.reshape(len(got), 3 * lights))
+        out += got
+        sent_again = got * again
+        now, then = _rms(got), _rms(sent_again * share)
         first = first if turn else now
         falls = np.minimum(then / np.maximum(now, 1e-30), _SLOWEST)
         left = np.where(first > 0, now * falls / (1 - falls) / np.maximum(first, 1e-30), 0)
         if left.max() <= negligible:
             break
-    return BouncedLight(out, turn + 1, float(left.max()))
+        source = np.where(lies_in[:, None, None] >= 0, sent_again[lies_in], 0) if len(got) else source
+    tiles = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
+    for k, tile in enumerate(tiles):
+        mine = view.tile == k
+        tile.reshape(lights, -1, 3)[:, view.flat_index[mine]] = out[mine].transpose(1, 0, 2)
+    return BouncedLight(tiles, turn + 1, float(left.max()))
 
 
 class SkinLight(NamedTuple):
@@ -296,9 +334,10 @@ class SkinLight(NamedTuple):
         return [self.gain[name] * tile[0] for tile in found.tiles]
 
 
-def _rms(tiles: Sequence[Image]) -> NDArray[np.float64]:
-    """Root of the sum of squares of each light, (L,)."""
-    return np.sqrt(sum((each.astype(np.float64) ** 2).sum(axis=(1, 2, 3)) for each in tiles))
+def _rms(values: Image) -> NDArray[np.float64]:
+    """Root of the sum of squares of each light, (L,), of (n, L, 3)."""
+    root: NDArray[np.float64] = np.sqrt(np.einsum("nlc,nlc->l", values, values, dtype=np.float64))
+    return root
 
 
 def decide_interreflection(
@@ -469,53 +508,28 @@ def _aim(start, stop, points, sequence, origin, direction):  # type: ignore[no-u
                 origin[at, axis] = point[i, axis] + step * normal[i, axis]
 
 
-class _Seen(NamedTuple):
-    """What the rays of points meet.
-
-    Attributes
-    ----------
-    flat_index : ndarray of shape (n,), int64
-        Texel of each point.
-    seen_tile : ndarray of shape (n, rays), int32
-        Place of a tile in the atlas.
-    seen : ndarray of shape (n, rays), int32
-        Texel of a texture of `size`; NOTHING where there is no skin.
-    size : (height, width)
-    """
-
-    flat_index: Index
-    seen_tile: NDArray[np.int32]
-    seen: NDArray[np.int32]
-    size: tuple[int, int]
-
-
 @kernel
-def _collect(start, stop, met, tile, image, out):  # type: ignore[no-untyped-def]
-    """Add the mean of what rays see of one tile to their texels.
+def _collect(start, stop, seen, source, out):  # type: ignore[no-untyped-def]
+    """The mean of what rays see.
 
     Parameters
     ----------
     start, stop : int
         Points.
-    met : _Seen
-    tile : int
-        Place in the atlas.
-    image : ndarray of shape (L, h, w, 3)
-        Of any size.
-    out : ndarray of shape (L, texels, 3), added to
+    seen : ndarray of shape (n, rays)
+        Row of `source` that each ray sees; below 0 where there is no skin.
+    source : ndarray of shape (m, v)
+    out : ndarray of shape (n, v), added to
     """
-    flat_index, seen_tile, seen, size = met.flat_index, met.seen_tile, met.seen, met.size
-    lights, height, width = image.shape[0], image.shape[1], image.shape[2]
     rays = seen.shape[1]
     for i in range(start, stop):
         for k in range(rays):
-            if seen[i, k] < 0 or seen_tile[i, k] != tile:
-                continue
-            row = seen[i, k] // size[1] * height // size[0]
-            col = seen[i, k] % size[1] * width // size[1]
-            for light in range(lights):
-                for c in range(3):
-                    out[light, flat_index[i], c] += image[light, row, col, c] / rays
+            row = seen[i, k]
+            if row >= 0:
+                for v in range(source.shape[1]):
+                    out[i, v] += source[row, v]
+        for v in range(source.shape[1]):
+            out[i, v] /= rays
 
 
 def fitted(colour: Image, shape: tuple[int, ...]) -> Image:
