@@ -203,6 +203,11 @@ def _models(spec: SceneSpec, base: Overrides, level: int) -> list[tuple[Referenc
         media |= NAMED_MEDIA
     elif not media:
         media = dict(list(NAMED_MEDIA.items())[-1:])
+    # Pigments are of the look's own model alone
+    base = (
+        *base,
+        *(f"maps.{name}=null" for name in ("melanin", "haemoglobin") if getattr(spec.maps, name) is not None),
+    )
     photons = (10_000, 400_000, 4_000_000)[level]
     found = []
     for name, layers in media.items():

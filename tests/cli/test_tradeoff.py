@@ -76,11 +76,13 @@ def test_difference_by_hand():
 
 
 @pytest.mark.parametrize("extent", ["quick", "default", "full"])
-@pytest.mark.parametrize("skin", ["gpugems3-six-gaussians", "jensen-skin1", "donner-three-layer", "physiology-light"])
+@pytest.mark.parametrize(
+    "skin", ["gpugems3-six-gaussians", "jensen-skin1", "donner-three-layer", "physiology-light", ""]
+)
 def test_every_setting_of_every_sweep_is_a_look(extent, skin):
     """All overrides are taken by the configuration, each against a reference that exists, no two rows alike."""
-    overrides = (f"skin={{preset: {skin}}}",)
-    config = ROOT / "configs" / "head_plain.yaml"
+    overrides = (f"skin={{preset: {skin}}}",) if skin else ()
+    config = ROOT / "configs" / ("head_plain.yaml" if skin else "head.yaml")  # maps of pigments go with one model
     sweep = plan_sweep(load_look(config, overrides), (256, 128), extent)
     known = {reference.name for reference in sweep.references}
     assert {setting.reference for setting in sweep.settings} <= known
