@@ -25,16 +25,10 @@ from skinbake.diffuse.terms.beam import (
     moved_share,
     narrowest_mm2,
 )
+from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin, formed_already
-from skinbake.diffuse.terms.interreflection import (
-    SkinLight,
-    add_at_full_size,
-    bounced_light,
-    decide_interreflection,
-    fitted,
-    look_around,
-    receivers,
-)
+from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
+from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.oil_albedo import mean_specular_albedo, oil_table

@@ -19,7 +19,7 @@ from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.light_entering import albedo_of
 from skinbake.diffuse.skin_weights import SkinWeights
-from skinbake.diffuse.terms.interreflection import SkinLight, add_at_full_size, fitted
+from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, fitted, middles
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
@@ -134,6 +134,4 @@ def _at_middles(images: Image, shape: tuple[int, int]) -> Image:
         return np.asarray(images, np.float32)
     if height < shape[0] or width < shape[1]:
         return np.stack([magnify_bilinear(np.asarray(image, np.float32), shape) for image in images])
-    rows = (2 * np.arange(shape[0]) + 1) * height // (2 * shape[0])
-    cols = (2 * np.arange(shape[1]) + 1) * width // (2 * shape[1])
-    return np.asarray(images[:, rows][:, :, cols], np.float32)
+    return np.asarray(images[:, middles(shape[0], height)][:, :, middles(shape[1], width)], np.float32)

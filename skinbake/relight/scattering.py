@@ -22,17 +22,10 @@ from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
+from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import curve_skin
-from skinbake.diffuse.terms.interreflection import (
-    SkinLight,
-    SkinView,
-    add_at_full_size,
-    bounced_light,
-    decide_interreflection,
-    fitted,
-    look_around,
-    receivers,
-)
+from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
+from skinbake.diffuse.terms.skin_view import SkinView, look_around
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.terms.transmission import transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import rasterize
-from skinbake.diffuse.terms.interreflection import (
-    NOTHING,
-    add_at_full_size,
-    bounced_light,
-    decide_interreflection,
-    look_around,
-)
+from skinbake.diffuse.terms.bounced_light import add_at_full_size, bounced_light
+from skinbake.diffuse.terms.interreflection import decide_interreflection
+from skinbake.diffuse.terms.skin_hits import NOTHING
+from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.irradiance.occluder import Occluder
 from skinbake.scene.mesh import SkinMesh
 from tests.shapes import joined, quad, sphere

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from skinbake.diffuse.diffuse_map import Lobe
-from skinbake.diffuse.terms.interreflection import SkinLight, look_around
+from skinbake.diffuse.terms.bounced_light import SkinLight
+from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.occluder import Occluder

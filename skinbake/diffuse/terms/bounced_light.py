@@ -1,0 +1,208 @@
+"""Light that goes from skin to skin, bounce after bounce, and how it is read at the full size (theory.md 9.7)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster
+from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.sample import bilinear, texels_around
+from skinbake.diffuse.terms.skin_hits import NOTHING
+from skinbake.diffuse.terms.skin_view import SkinView
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+
+Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+_SLOWEST = 0.95  # most that a bounce is believed to keep of the last one: the rest of the series is finite
+
+
+class BouncedLight(NamedTuple):
+    """Light that skin gets from skin.
+
+    Attributes
+    ----------
+    tiles : list of ndarray of shape (L, h, w, 3), float32
+        Irradiance at the small texels, a tile in the atlas's order.
+    bounces : int
+        How often it went from skin to skin.
+    left : float
+        Rms of all bounces after these, as a share of the first one's, of the light that leaves most.
+    """
+
+    tiles: list[Image]
+    bounces: int
+    left: float
+
+
+def bounced_light(
+    view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1, negligible: float = 0.0
+) -> BouncedLight:
+    """Irradiance that skin gets from skin, bounce after bounce until the rest is negligible.
+
+    Parameters
+    ----------
+    view : SkinView
+    sent : sequence of ndarray of shape (L, H, W, 3)
+        M of each tile, of the light that arrives without a bounce, at any size.
+    reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
+        What of the bounced irradiance leaves as M again.
+    bounces : int
+        At most as many, 1 or more.
+    negligible : float
+        Rms of all bounces to come, as a share of the first one's, below which they are left out. The next bounce is
+        foreseen as this one times what leaves again and the share of rays that meet skin; those after it follow as a
+        geometric series.
+
+    Raises
+    ------
+    ValueError
+        If `bounces` is below 1.
+    """
+    if bounces < 1:
+        raise ValueError(f"bounces: expected at least 1, got {bounces}")
+    lights, shapes = sent[0].shape[0], [raster.shape for raster in view.atlas]
+    again = np.empty((len(view.tile), 1, 3), np.float32)
+    for k, (colour, shape) in enumerate(zip(reflected, shapes, strict=True)):
+        mine = view.tile == k
+        small = np.broadcast_to(fitted(colour, shape), (*shape, 3)).reshape(-1, 3)
+        again[mine, 0] = small[view.flat_index[mine]]
+    share = (view.seen != NOTHING).mean(axis=1, dtype=np.float32)[:, None, None] if view.seen.size else 0
+    source, lies_in = view.read(sent), view.receiver()
+    out = np.zeros((len(view.tile), lights, 3), np.float32)
+    first, left = np.zeros(lights), np.ones(lights)
+    for turn in range(bounces):
+        got = np.zeros_like(out)
+        values = source.reshape(len(source), 3 * lights)
+        parallel_for(_collect, len(got), view.seen, values, got.reshape(len(got), 3 * lights))
+        out += got
+        sent_again = got * again
+        now, then = _rms(got), _rms(sent_again * share)
+        first = first if turn else now
+        falls = np.minimum(then / np.maximum(now, 1e-30), _SLOWEST)
+        left = np.where(first > 0, now * falls / (1 - falls) / np.maximum(first, 1e-30), 0)
+        if left.max() <= negligible:
+            break
+        source = np.where(lies_in[:, None, None] >= 0, sent_again[lies_in], 0) if len(got) else source
+    tiles = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
+    for k, tile in enumerate(tiles):
+        mine = view.tile == k
+        tile.reshape(lights, -1, 3)[:, view.flat_index[mine]] = out[mine].transpose(1, 0, 2)
+    return BouncedLight(tiles, turn + 1, float(left.max()))
+
+
+class SkinLight(NamedTuple):
+    """How skin lights skin under the lights that have the term.
+
+    Attributes
+    ----------
+    view : SkinView
+    reflected : list of ndarray of shape (h, w, 3)
+        What of irradiance leaves as M, at the small texels, a tile in the atlas's order.
+    gain : mapping of str to ndarray of shape (3,)
+        By light, what of light from skin counts where it enters.
+    bounces : mapping of str to int
+        By light, how often it goes from skin to skin.
+    """
+
+    view: SkinView
+    reflected: list[Image]
+    gain: Mapping[str, Image]
+    bounces: Mapping[str, int]
+
+    def lit_by(self, name: str, sent: Sequence[Image]) -> list[Image]:
+        """Irradiance that counts of what skin sends on, (h, w, 3) a tile.
+
+        Parameters
+        ----------
+        name : str
+            Of the light.
+        sent : sequence of ndarray of shape (H, W, 3)
+            M by tile, at any size.
+        """
+        again = [self.gain[name] * colour for colour in self.reflected]
+        found = bounced_light(self.view, [each[None] for each in sent], again, self.bounces[name])
+        return [self.gain[name] * tile[0] for tile in found.tiles]
+
+
+def _rms(values: Image) -> NDArray[np.float64]:
+    """Root of the sum of squares of each light, (L,), of (n, L, 3)."""
+    root: NDArray[np.float64] = np.sqrt(np.einsum("nlc,nlc->l", values, values, dtype=np.float64))
+    return root
+
+
+@kernel
+def _collect(start, stop, seen, source, out):  # type: ignore[no-untyped-def]
+    """The mean of what rays see.
+
+    Parameters
+    ----------
+    start, stop : int
+        Points.
+    seen : ndarray of shape (n, rays)
+        Row of `source` that each ray sees; below 0 where there is no skin.
+    source : ndarray of shape (m, v)
+    out : ndarray of shape (n, v), added to
+    """
+    rays = seen.shape[1]
+    for i in range(start, stop):
+        for k in range(rays):
+            row = seen[i, k]
+            if row >= 0:
+                for v in range(source.shape[1]):
+                    out[i, v] += source[row, v]
+        for v in range(source.shape[1]):
+            out[i, v] /= rays
+
+
+def fitted(colour: Image, shape: tuple[int, ...]) -> Image:
+    """A map at the middle texels of a smaller size, or of its own; a constant as it is."""
+    height, width = colour.shape[:2]
+    if (height, width) == (1, 1):
+        return colour
+    return colour[middles(shape[0], height)][:, middles(shape[1], width)]
+
+
+def middles(count: int, of: int) -> Index:
+    """Which of some texels along a side lie at the middles of fewer ones, (count,)."""
+    return (2 * np.arange(count) + 1) * of // (2 * count)
+
+
+def add_at_full_size(small: Image, raster: AtlasRaster, out: Image) -> None:
+    """Add bounced light to the addressed texels of the full texture, read bilinearly.
+
+    Parameters
+    ----------
+    small : ndarray of shape (h, w, 3)
+    raster : AtlasRaster
+        The full one.
+    out : ndarray of shape (H, W, 3), float32, added to
+    """
+    parallel_for(_enlarge, raster.shape[0], small, raster.face_index, out)
+
+
+@kernel
+def _enlarge(start, stop, small, face_index, out):  # type: ignore[no-untyped-def]
+    """Bilinear reading at the centres of larger texels, added to `out`.
+
+    Parameters
+    ----------
+    start, stop : int
+        Which rows.
+    small : ndarray of shape (h, w, 3)
+    face_index : ndarray of shape (H, W)
+    out : ndarray of shape (H, W, 3)
+    """
+    h, w = small.shape[0], small.shape[1]
+    height, width = face_index.shape
+    for row in range(start, stop):
+        for col in range(width):
+            if face_index[row, col] == NO_FACE:
+                continue
+            around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
+            for c in range(3):
+                out[row, col, c] += bilinear(small, c, around)
