@@ -85,7 +85,8 @@ def budget_of(spec: SceneSpec, lost: float = 0.0) -> Budget:
     terms = spec.terms
     fixed = spec.diffusion.method != "auto"
     skies = frozenset(light.name for light in spec.lights if light.type == "environment" and light.samples is None)
-    undecided = "auto" in (terms.beam, terms.interreflection, terms.transmission)
+    # Light from skin to skin is as coarse as it may be, also where somebody has switched it on
+    undecided = "auto" in (terms.beam, terms.transmission) or terms.interreflection != "off"
     whole = BLUR + (SKY if skies else 0.0) + (TERMS if undecided else 0.0)
     left = sqrt(max(spec.diffusion.tolerance**2 - lost**2, 0.0))
     sky = left * sqrt(SKY / whole) if skies else left

@@ -48,6 +48,13 @@ def test_what_is_given_takes_no_part():
     assert budget_of(look(SUN, **FIXED)).blur == pytest.approx(0.02)
 
 
+def test_light_from_skin_to_skin_has_its_part_where_it_is_switched_on():
+    """Else it would be traced as finely as there is: three times the whole bake."""
+    on = {"beam": "on", "interreflection": "on", "transmission": "on"}
+    assert budget_of(look(SUN, terms=on)) == budget_of(look(SUN))
+    assert budget_of(look(SUN, terms=on)).terms_left("sun") > 0
+
+
 def test_squares_add_up_for_the_light_that_is_worst_off():
     """What all lights share counts for each; what one leaves out is not another's."""
     plan = [
