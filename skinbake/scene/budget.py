@@ -83,15 +83,14 @@ def budget_of(spec: SceneSpec, lost: float = 0.0) -> Budget:
         By a coarser texture.
     """
     terms = spec.terms
-    fixed = spec.diffusion.method != "auto"
     skies = frozenset(light.name for light in spec.lights if light.type == "environment" and light.samples is None)
     # Light from skin to skin is as coarse as it may be, also where somebody has switched it on
     undecided = "auto" in (terms.beam, terms.transmission) or terms.interreflection != "off"
     whole = BLUR + (SKY if skies else 0.0) + (TERMS if undecided else 0.0)
     left = sqrt(max(spec.diffusion.tolerance**2 - lost**2, 0.0))
     sky = left * sqrt(SKY / whole) if skies else left
-    # A method that is given is no choice: it is made as the whole tolerance wants it, and its error is what it is
-    return Budget(spec.diffusion.tolerance, lost, left if fixed else left * sqrt(BLUR / whole), sky, skies)
+    # A method that is given has the same part: its sizes are still chosen, and terms would have nothing else
+    return Budget(spec.diffusion.tolerance, lost, left * sqrt(BLUR / whole), sky, skies)
 
 
 def is_within(wrong: float, tolerance: float) -> bool:

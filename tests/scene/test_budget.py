@@ -42,10 +42,17 @@ def test_the_parts_of_each_light_fill_the_tolerance(lights, lost):
 
 
 def test_what_is_given_takes_no_part():
-    """With terms, method and directions given, the blur and the sky are made as the whole tolerance wants them."""
-    budget = budget_of(look(SUN, SKY | {"samples": 64}, diffusion={"method": "surface"}, **FIXED))
+    """With terms and directions given, the blur and the sky are made as the whole tolerance wants them."""
+    budget = budget_of(look(SUN, SKY | {"samples": 64}, **FIXED))
     assert budget.blur == budget.sky == pytest.approx(0.02)
     assert budget_of(look(SUN, **FIXED)).blur == pytest.approx(0.02)
+
+
+def test_a_given_method_leaves_terms_their_part():
+    """Else what they may leave out would be nothing, and light from skin to skin traced as finely as there is."""
+    budget = budget_of(look(diffusion={"method": "hybrid"}))
+    assert budget == budget_of(look())
+    assert budget.terms_left("sun") > budget.terms_left("sky") > 0
 
 
 def test_light_from_skin_to_skin_has_its_part_where_it_is_switched_on():
