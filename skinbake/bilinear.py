@@ -53,24 +53,30 @@ def bilinear_texels(place: Float, height: int, width: int) -> tuple[NDArray[np.i
     return np.stack([r * width + c for r, c in zip(rows, cols, strict=True)], axis=1), weight
 
 
-def magnify_bilinear(image: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:
+def magnify_bilinear(
+    image: NDArray[np.float32], shape: tuple[int, int], rows: slice | None = None
+) -> NDArray[np.float32]:
     """An image read at the texel centres of another size, as a GPU does: bilinear, clamped to the edge texels.
 
     Parameters
     ----------
     image : ndarray of shape (h, w, C), float32
     shape : (H, W)
-        Of the result; both images span the same square.
+        Of the whole result; both images span the same square.
+    rows : slice, optional
+        Those that are wanted.
 
     Returns
     -------
     ndarray of shape (H, W, C), float32
+        Or of the rows that are wanted.
     """
     for axis, size in enumerate(shape):
-        count = image.shape[axis]
+        count, wanted = image.shape[axis], rows if rows and axis == 0 else slice(None)
         if count == size:
+            image = image[rows] if rows and axis == 0 else image
             continue
-        place = np.clip((np.arange(size) + 0.5) * (count / size) - 0.5, 0, count - 1)
+        place = np.clip((np.arange(size)[wanted] + 0.5) * (count / size) - 0.5, 0, count - 1)
         low = np.minimum(place.astype(np.int64), max(count - 2, 0))
         share = (place - low).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(3)])
         first, second = image.take(low, axis), image.take(np.minimum(low + 1, count - 1), axis)

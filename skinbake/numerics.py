@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import gcd
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 Float = NDArray[np.float64]
+Zeros = Callable[[tuple[int, ...], DTypeLike], NDArray[Any]]  # `np.zeros`, or another place for large arrays
 
 
 def sqr(x: ArrayLike) -> Float:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.diffuse.diffuse_map import Lobe
+from skinbake.numerics import Zeros
 
 
 class Aside(NamedTuple):
@@ -19,6 +21,8 @@ class Aside(NamedTuple):
         Takes a lobe that is made and gives it as it is read again: its pixels rounded as they are stored, perhaps.
     array : callable
         Takes an array and gives the same values.
+    zeros : callable
+        Takes a shape and a type and gives an array of zeros, to be filled, that is put aside from the beginning.
     rest : callable
         Frees the memory of what was read again of all that was put aside.
     on_disk : bool
@@ -27,8 +31,9 @@ class Aside(NamedTuple):
 
     lobe: Callable[[Lobe], Lobe]
     array: Callable[[NDArray[Any]], NDArray[Any]]
+    zeros: Zeros
     rest: Callable[[], None]
     on_disk: bool
 
 
-IN_MEMORY = Aside(lambda lobe: lobe, lambda array: array, lambda: None, False)
+IN_MEMORY = Aside(lambda lobe: lobe, lambda array: array, np.zeros, lambda: None, False)

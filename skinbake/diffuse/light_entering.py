@@ -7,7 +7,6 @@ face make of it begins here, light by light, so that each stays linear in its li
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, sample_map
+from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.terms.beam import (
     BeamLight,
@@ -34,7 +34,8 @@ from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.oil_albedo import mean_specular_albedo, oil_table
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import SkySlant, Slant, apply_slant, decide_incidence, slant_of, slant_of_sky
-from skinbake.numerics import Float
+from skinbake.machine import return_freed
+from skinbake.numerics import Float, Zeros
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium
@@ -46,6 +47,7 @@ from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
+_ROWS = 256  # that are summed at a time
 
 
 class EnteredSkin(NamedTuple):
@@ -110,7 +112,7 @@ def light_entering(
     gaussians: GaussianSum,
     medium: SkinMedium,
     incidence: Incidence | None,
-    rest: Callable[[], None] = lambda: None,
+    aside: Aside = IN_MEMORY,
 ) -> LightEntering:
     """Irradiance with the terms `incidence`, `beam` and `interreflection`, times albedo^x; theory.md 9.5 to 9.7.
 
@@ -129,8 +131,8 @@ def light_entering(
         The skin's, or why nothing is known of it or of the directions of light.
     incidence : Incidence, optional
         Of the medium, unless it is not asked for or there is no medium.
-    rest : callable, optional
-        Frees the memory of maps and irradiance once they were read.
+    aside : Aside, optional
+        Where large arrays stand while they are not read.
     """
     slant = slant_of(incidence, reference_reflectance(spec, gaussians, medium, incidence)) if incidence else None
     names = irradiance[0].lights
@@ -143,7 +145,7 @@ def light_entering(
         }
     budget = decisions.budget
     slanted, plan = _decide_incidence(spec, budget, slant, skies, medium.why)
-    albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
+    albedo = [aside.array(albedo_of(scene.maps, raster, scene.mesh)) for raster in atlas]
     exponent = np.float32(spec.texturing.exponent_before)
     terms = spec.terms
     beams = terms.beam != "off" and any(has_beam(light) for light in spec.lights)
@@ -156,8 +158,8 @@ def light_entering(
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
     for k, (raster, tile) in enumerate(zip(atlas, irradiance, strict=True)):
         normal = shading_normals(raster, scene.mesh, scene.maps)[1] if turned else np.zeros((1, 1, 3), np.float32)
-        out = np.zeros((len(names) if decisions.separate_lights else 1, *raster.shape, 3), np.float32)
-        moved = np.zeros_like(out) if shifted else None
+        out = aside.zeros((len(names) if decisions.separate_lights else 1, *raster.shape, 3), np.float32)
+        moved = aside.zeros(out.shape, np.float32) if shifted else None
         for i, name in enumerate(names):
             image = tile.rgb[i].astype(np.float32)
             if name in slanted:
@@ -174,7 +176,8 @@ def light_entering(
         if moved is not None:
             further[raster.tile] = moved
         del out, moved, normal  # large, and the terms that follow need room
-    rest()
+    aside.rest()
+    return_freed()
     if not decisions.separate_lights:
         names = (TOTAL_LIGHT,)
 
@@ -184,13 +187,15 @@ def light_entering(
     held = {name: (name,) if decisions.separate_lights else irradiance[0].lights for name in names}
     limits = [min(budget.terms_left(of, left_wrong(plan, (of,), 0.0)) for of in held[name]) for name in names]
     weights = SkinWeights.of(gaussians, scene.maps)
-    reflected = [a * weights.total_image(r.tile, r.shape) for a, r in zip(albedo, atlas, strict=True)]
+    reflected = [
+        _product(a, weights.total_image(r.tile, r.shape, aside.zeros), aside.zeros)
+        for a, r in zip(albedo, atlas, strict=True)
+    ]
     lines, skin_light = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
     plan += lines
     del reflected
 
-    area = [raster.area_mm2[..., None] for raster in atlas]
-    total = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, albedo, strict=True))
+    total = np.sum([_area_sum(r.area_mm2, colour) for r, colour in zip(atlas, albedo, strict=True)], axis=0)
     for (tile_number, rgb), colour in zip(light.items(), albedo, strict=True):
         rgb *= colour if exponent == 1 else colour**exponent
         if tile_number in further:
@@ -198,8 +203,30 @@ def light_entering(
             np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
     free_path = free_path_of(medium)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
-    mean_albedo = total / sum(map(np.sum, area))
+    mean_albedo = total / sum(np.sum(raster.area_mm2) for raster in atlas)
     return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), curved, skin_light)
+
+
+def _product(one: Image, other: Image, zeros: Zeros) -> Image:
+    """Product of two images that fit one another, in an array that `zeros` makes."""
+    out: Image = np.multiply(one, other, out=zeros(np.broadcast_shapes(one.shape, other.shape), np.float32))
+    return out
+
+
+def _area_sum(area_mm2: Image, colour: Image) -> Float:
+    """Sum over texels of area times colour, (3,), some rows at a time.
+
+    Parameters
+    ----------
+    area_mm2 : ndarray of shape (H, W)
+    colour : ndarray of shape (H, W, 3) or (1, 1, 3)
+    """
+    total = np.zeros(3)
+    for first in range(0, len(area_mm2), _ROWS):
+        rows = slice(first, first + _ROWS)
+        weighted = area_mm2[rows, :, None] * (colour[rows] if len(colour) > 1 else colour)
+        total += weighted.sum(axis=(0, 1), dtype=np.float64)
+    return total
 
 
 def _named(spec: SceneSpec, name: str) -> LightSpec:

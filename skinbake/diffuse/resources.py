@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from enum import Enum
 from functools import cached_property
 
@@ -25,8 +24,7 @@ from skinbake.diffuse.surface_space.upsample import widest_gap
 from skinbake.diffuse.texture_space.blur import TexturePyramid, level_margin, level_size, texture_pyramids
 from skinbake.diffuse.texture_space.blur_error import BlurErrorPredictor
 from skinbake.diffuse.texture_space.uv_gaps import distance_to_foreign
-from skinbake.machine import return_freed
-from skinbake.numerics import Float
+from skinbake.numerics import Float, Zeros
 from skinbake.scene.spec import DiffusionSpec
 
 LARGE_SHARE = 0.5  # of the texels: sources that are more than this are not kept for later
@@ -76,6 +74,11 @@ class LobeResources:
         light = {tile: rgb[chosen] for tile, rgb in self.source.items()}
         return LobeResources(light, self.geometry, self.spec, self.share, self._aside)
 
+    @property
+    def zeros(self) -> Zeros:
+        """Makes large arrays where they are put aside."""
+        return self._aside.zeros
+
     def rest(self) -> None:
         """Free the memory of what was read so far, where it is put aside: another step reads other parts."""
         self._aside.rest()
@@ -92,20 +95,12 @@ class LobeResources:
         self._clusters = {key: tree for key, tree in self._clusters.items() if key[0] != variance_mm2}
 
     def _every_texel(self) -> SourceTree:
-        tree = self._put_aside(source_tree(self.lit, rest=self.rest))
-        return_freed()  # as much again
-        return tree
-
-    def _put_aside(self, tree: SourceTree) -> SourceTree:
-        tree = replace(tree, leaf=self._aside.array(tree.leaf))
+        tree = source_tree(self.lit, zeros=self._aside.zeros, rest=self.rest)
         self.rest()  # what it was made of
         return tree
 
     def _pyramids(self) -> Tiled[TexturePyramid]:
-        pyramids = texture_pyramids(self.source, self._coverage)
-        for pyramid in pyramids.values():
-            pyramid.levels[0] = self._aside.array(pyramid.levels[0])
-        return pyramids
+        return texture_pyramids(self.source, self._coverage, self._aside.zeros)
 
     @cached_property
     def lit(self) -> Tiled[LitTile]:
@@ -113,10 +108,7 @@ class LobeResources:
         points = self.geometry.points
         if self.share is not None:
             points = {tile: each._replace(area_mm2=self._weighed(tile, each)) for tile, each in points.items()}
-        found, array = surface_light(self.source, points), self._aside.array
-        for tile, lit in found.items():
-            blocks = lit.pyramid._replace(moments=array(lit.pyramid.moments), radiosity=array(lit.pyramid.radiosity))
-            found[tile] = lit._replace(pyramid=blocks)
+        found = surface_light(self.source, points, self._aside.zeros)
         self.rest()
         return found
 
@@ -160,8 +152,9 @@ class LobeResources:
             texels = sum(len(points.flat_index) for points in self.geometry.points.values())
             for other in [k for k, tree in self._clusters.items() if tree.count > LARGE_SHARE * texels]:
                 del self._clusters[other]
-            tree = source_tree(self.lit, spacing**2 / 12 * variance_mm2, variance_mm2)
-            self._clusters[key] = self._put_aside(tree)
+            spread_mm2 = spacing**2 / 12 * variance_mm2
+            self._clusters[key] = source_tree(self.lit, spread_mm2, variance_mm2, self._aside.zeros)
+            self.rest()  # what it was made of
         return self._clusters[key]
 
     def interpolates(self, variance_mm2: float, level: int) -> bool:
@@ -210,8 +203,10 @@ class LobeResources:
         light.
         """
         if level == 0:
-            return self.source[tile].copy()
-        return np.zeros((self.lights, *self.geometry.targets(level)[tile].row.shape, 3), np.float32)
+            image = self.zeros(self.source[tile].shape, np.float32)
+            image[...] = self.source[tile]
+            return image
+        return self.zeros((self.lights, *self.geometry.targets(level)[tile].row.shape, 3), np.float32)
 
     def predictor(self, tile: int, level: int) -> BlurErrorPredictor:
         """Predicts where a tile's blur at a stored size is wrong."""
@@ -232,7 +227,7 @@ class LobeResources:
 
     @cached_property
     def _bend(self) -> Tiled[NDArray[np.float32]]:
-        return {tile: self._aside.array(bending(lit.pyramid)) for tile, lit in self.lit.items()}
+        return {tile: bending(lit.pyramid, self._aside.zeros) for tile, lit in self.lit.items()}
 
     @cached_property
     def _foreign_mm(self) -> Tiled[NDArray[np.float32]]:

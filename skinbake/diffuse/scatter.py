@@ -83,15 +83,14 @@ def scatter(
     tell("light that enters the skin")
     skin = VaryingSkin.of(gaussians, scene.maps, atlas)
     entered = base or EnteredSkin(gaussians, medium, incidence)
-    entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered, aside.rest)
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered, aside)
     if base is not None:
         entering = _curved_as(entering, spec, decisions, scene, gaussians, medium)
     aside.rest()
     return_freed()
     known = partial(_by_digest, remember, entering.digests()) if remember else None
-    rgb = {tile: aside.array(entering.rgb.pop(tile)) for tile in list(entering.rgb)}
     diffused = diffuse(
-        rgb,
+        entering.rgb,
         entering.names,
         atlas,
         scene.mesh,
@@ -123,8 +122,8 @@ def scatter(
             skin_medium(spec.skin),
             share,
         )
-        arrived = SmallLight.of(rgb, thin) if skin_light else None
-    del entering, rgb
+        arrived = SmallLight.of(entering.rgb, thin) if skin_light else None
+    del entering
     texture, terms, budget = spec.texture, spec.terms, decisions.budget
     # What each light's terms have left, the blur's error taken as measured
     blur, lights = diffused.error.rms if diffused.error else budget.blur, irradiance[0].lights

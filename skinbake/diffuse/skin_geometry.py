@@ -86,10 +86,9 @@ class SkinGeometry:
         if level not in self._targets:
             own = self.points if level == 0 else self._points(level)
             self._targets[level] = {
-                r.tile: extended_points(own[r.tile], r, self.mesh, self.centre_mm) for r in self.level_atlas(level)
+                r.tile: extended_points(own[r.tile], r, self.mesh, self.centre_mm, self._aside.zeros)
+                for r in self.level_atlas(level)
             }
-            for tile, points in self._targets[level].items():
-                self._targets[level][tile] = points._replace(position=self._aside.array(points.position))
         return self._targets[level]
 
     def least_sigma(self, level: int, gap: float) -> Tiles:
@@ -103,7 +102,7 @@ class SkinGeometry:
         return self._least_sigma[level, gap]
 
     def _points(self, level: int) -> Tiled[TexelPoints]:
-        points = {r.tile: texel_points(r, self.mesh, self.centre_mm) for r in self.level_atlas(level)}
-        points = {tile: TexelPoints(*map(self._aside.array, each)) for tile, each in points.items()}
+        zeros = self._aside.zeros
+        points = {r.tile: texel_points(r, self.mesh, self.centre_mm, zeros) for r in self.level_atlas(level)}
         self._aside.rest()  # of the raster
         return points

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, Tiles
 from skinbake.bilinear import bilinear_texels, magnify_bilinear
 from skinbake.diffuse.probes import Probes
-from skinbake.numerics import Float
+from skinbake.kernels.threads import for_slices
+from skinbake.numerics import Float, Zeros
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.maps import SkinMaps
@@ -87,22 +88,30 @@ class SkinWeights:
             return self.weight_rgb[lobe].astype(np.float32)[None, None]
         if lobe >= self.table.weight_rgb.shape[2]:
             return self.scatter_image(tile, shape)[..., None] * self.weight_rgb[lobe].astype(np.float32)
-        values = self._images(tile, shape)
-        return _in_strips(partial(self.table.of_lobe, lobe), values).reshape(_shape(values, shape))
+        return self._colours(partial(self.table.of_lobe, lobe), self.table.quantities, tile, shape)
 
-    def total_image(self, tile: int, shape: tuple[int, int]) -> NDArray[np.float32]:
-        """What the skin gives back of light at every texel, as `image`."""
+    def total_image(self, tile: int, shape: tuple[int, int], zeros: Zeros = np.zeros) -> NDArray[np.float32]:
+        """What the skin gives back of light at every texel, as `image`.
+
+        Parameters
+        ----------
+        tile : int
+        shape : (H, W)
+        zeros : callable, optional
+            Makes the image.
+        """
         if self.table is None:
             return self.weight_rgb.sum(axis=0).astype(np.float32)[None, None]
-        values = {name: each for name, each in self._images(tile, shape).items() if name != "scatter"}
-        return _in_strips(self.table.total, values).reshape(_shape(values, shape))
+        return self._colours(self.table.total, self.table.names, tile, shape, zeros)
 
     def scatter_image(self, tile: int, shape: tuple[int, int]) -> NDArray[np.float32]:
         """Share of the light that scatters at every texel, (H, W), or (1, 1) where it is the same everywhere."""
         if self.table is None or not self.table.scatters:
             return np.ones((1, 1), np.float32)
-        values = {name: each for name, each in self._images(tile, shape).items() if name == "scatter"}
-        return self.table.scatter_at(values).astype(np.float32).reshape(_shape(values, shape)[:2])
+        image = self.maps.scatter.get(tile)
+        if image is None:
+            return self.table.scatter_at({}).astype(np.float32).reshape(1, 1)
+        return magnify_bilinear(np.asarray(image, np.float32)[..., None], shape)[..., 0]
 
     def _values_at(self, tile: NDArray[np.integer], place: Float) -> dict[str, Float]:
         """The table's quantities at places, (P,) each."""
@@ -117,15 +126,42 @@ class SkinWeights:
             found[name] = values
         return found
 
-    def _images(self, tile: int, shape: tuple[int, int]) -> dict[str, Float]:
-        """The table's quantities at the texels of a tile, flat, of those that have a map there."""
-        assert self.table is not None
-        images = {name: getattr(self.maps, name).get(tile) for name in self.table.quantities}
-        return {
-            name: magnify_bilinear(np.asarray(image, np.float32)[..., None], shape).reshape(-1).astype(np.float64)
-            for name, image in images.items()
-            if image is not None
-        }
+    def _colours(
+        self,
+        read: Callable[[Mapping[str, Float]], Float],
+        names: Sequence[str],
+        tile: int,
+        shape: tuple[int, int],
+        zeros: Zeros = np.zeros,
+    ) -> NDArray[np.float32]:
+        """What a table gives at every texel, (H, W, 3), or (1, 1, 3) where no map varies it.
+
+        Some rows at a time: what is read on the way takes many times the memory of the result.
+
+        Parameters
+        ----------
+        read : callable
+            Takes some of the table's quantities, (P,) each, and gives (P, 3).
+        names : sequence of str
+            Quantities that it reads.
+        tile : int
+        shape : (H, W)
+        zeros : callable
+            Makes the image.
+        """
+        maps = {name: getattr(self.maps, name).get(tile) for name in names}
+        images = {name: np.asarray(each, np.float32)[..., None] for name, each in maps.items() if each is not None}
+        if not images:
+            return read({}).astype(np.float32).reshape(1, 1, 3)
+        height, width = shape
+        out = zeros((height, width, 3), np.float32)
+
+        def fill(rows: slice) -> None:
+            values = {name: magnify_bilinear(image, shape, rows).reshape(-1) for name, image in images.items()}
+            out[rows] = read({name: each.astype(np.float64) for name, each in values.items()}).reshape(-1, width, 3)
+
+        for_slices(fill, height, max(_AT_ONCE // width, 1))
+        return out
 
 
 @dataclass(frozen=True)
@@ -167,19 +203,3 @@ class VaryingSkin:
 def uniform_scatter(gaussians: GaussianSum, skin: SkinSpec) -> float:
     """Share of the light that scatters everywhere; 1 where a map says it place by place."""
     return 1.0 if gaussians.table is not None and gaussians.table.scatters else skin.scatter
-
-
-def _in_strips(read: Callable[[Mapping[str, Float]], Float], values: Mapping[str, Float]) -> NDArray[np.float32]:
-    """What a table gives for each texel, (P, 3): some at a time, since it takes many times the memory of the result."""
-    count = max((len(each) for each in values.values()), default=1)
-    found = []
-    for first in range(0, count, _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        strip = {name: each if len(each) == 1 else each[part] for name, each in values.items()}
-        found.append(read(strip).astype(np.float32))
-    return np.concatenate(found)
-
-
-def _shape(values: dict[str, Float], shape: tuple[int, int]) -> tuple[int, int, int]:
-    """Shape of an image of colours: one texel where no map varies it."""
-    return (*shape, 3) if values else (1, 1, 3)

@@ -1,6 +1,7 @@
 """Arrays in temporary files: the same values, no memory, nothing left behind."""
 
 import os
+import time
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,46 @@ def test_what_is_kept_takes_no_memory_until_it_is_read(tmp_path):
     spool.rest()
     assert read > 0.9 * values.nbytes
     assert resident_bytes() - before < 0.1 * values.nbytes
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="tells no resident size")
+def test_no_more_than_was_said_is_in_memory(tmp_path):
+    """However much is read: a thread frees it meanwhile. What was written stays."""
+    spool = Spool(tmp_path, most_read=1 << 22)
+    kept = spool.zeros((64, 1 << 20), np.uint8)
+    before = resident_bytes()
+    for number, row in enumerate(kept):
+        row[:] = number
+        deadline = time.monotonic() + 5
+        while resident_bytes() - before > 1 << 23 and time.monotonic() < deadline:
+            time.sleep(0.001)
+        assert resident_bytes() - before < 1 << 24
+    assert (kept == np.arange(64)[:, None]).all()
+
+
+def test_arrays_are_made_in_files_and_kept_as_they_are(tmp_path):
+    """Nothing is copied twice."""
+    spool = Spool(tmp_path)
+    made = spool.zeros(LARGE.shape, np.float16)
+    assert made.shape == LARGE.shape
+    assert made.dtype == np.float16
+    assert not made.any()
+    assert spool.keep(made) is made
+    assert spool.keep(made[1:]).base is not None
+    assert Spool().zeros((3, 2), np.int32).tolist() == [[0, 0]] * 3
+
+
+def test_a_full_disk_leaves_arrays_in_memory(tmp_path, monkeypatch):
+    """Found before the first value is written, which would end the process."""
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    made = Spool(tmp_path).zeros(LARGE.shape, np.float32)
+    made[:] = LARGE
+    np.testing.assert_array_equal(made, LARGE)
+    assert Spool(tmp_path).keep(LARGE) is LARGE
 
 
 def test_without_a_folder_the_arrays_themselves_are_kept(tmp_path):

@@ -189,6 +189,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             aside=Aside(
                 partial(as_stored_lobe, precision=inputs.spec.output.precision, spool=spool),
                 spool.keep,
+                spool.zeros,
                 spool.rest,
                 spool.on_disk,
             ),

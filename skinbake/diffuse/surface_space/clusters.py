@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Zeros
 
 LEVELS = 6  # blocks of up to 64 x 64 texels
 MIN_ALIGNMENT = 0.8  # |mean of unit normals| below this: the block bends too much to be one cluster
@@ -43,7 +44,7 @@ class MomentPyramid(NamedTuple):
     width: NDArray[np.int64]
 
 
-def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> MomentPyramid:
+def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], zeros: Zeros = np.zeros) -> MomentPyramid:
     """Moments of all blocks.
 
     Parameters
@@ -51,12 +52,14 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32]) -> Momen
     points : TexelPoints
     radiosity : ndarray of shape (L, H * W, 3), float32
         By flat texel; C = 3 L.
+    zeros : callable, optional
+        Makes its arrays.
     """
     channels = 3 * len(radiosity)
     sizes = [tuple(-(-side >> level) for side in points.row.shape) for level in range(1, LEVELS + 1)]
     start = np.cumsum([0, *(h * w for h, w in sizes)])
-    moments = np.zeros((start[-1], _MOMENTS), np.float32)
-    means = np.zeros((start[-1], channels), np.float32)
+    moments = zeros((int(start[-1]), _MOMENTS), np.float32)
+    means = zeros((int(start[-1]), channels), np.float32)
     views = [
         (moments[a:b].reshape(*size, -1), means[a:b].reshape(*size, -1))
         for a, b, size in zip(start[:-1], start[1:], sizes, strict=True)
@@ -151,16 +154,22 @@ def _of_texels(first, stop, flat_index, columns, blocks, width, changes):  # typ
         changes[k] = blocks[(row >> 1) * width + (col >> 1)]
 
 
-def bending(pyramid: MomentPyramid) -> NDArray[np.float32]:
+def bending(pyramid: MomentPyramid, zeros: Zeros = np.zeros) -> NDArray[np.float32]:
     """How far each block's light is from halfway between that of its neighbours, the largest of a light's channels.
 
     Along rows or columns, whichever is more, where both neighbours are there.
+
+    Parameters
+    ----------
+    pyramid : MomentPyramid
+    zeros : callable, optional
+        Makes the array.
 
     Returns
     -------
     ndarray of shape (B, L), float32
     """
-    bend = np.zeros((len(pyramid.moments), pyramid.radiosity.shape[1] // 3), np.float32)
+    bend = zeros((len(pyramid.moments), pyramid.radiosity.shape[1] // 3), np.float32)
     stop = np.append(pyramid.start[1:], len(bend))
     for start, end, width in zip(pyramid.start, stop, pyramid.width, strict=True):
         area, light = pyramid.moments[start:end, 0].copy(), pyramid.radiosity[start:end]

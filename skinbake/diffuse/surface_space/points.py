@@ -11,7 +11,7 @@ from skinbake.atlas import AtlasRaster, Tiled, first_fundamental_form, signed_uv
 from skinbake.atlas.coverage import RasterArrays
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float, safe_div
+from skinbake.numerics import Float, Zeros, safe_div
 from skinbake.scene.mesh import SkinMesh
 
 MAX_BEYOND_TEXELS = 1.5  # bilinear reading at a chart's border looks one texel beyond it
@@ -45,7 +45,7 @@ class TexelPoints(NamedTuple):
     texel_mm2: NDArray[np.float32]
 
 
-def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> TexelPoints:
+def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float, zeros: Zeros = np.zeros) -> TexelPoints:
     """Points of a raster's addressed texels.
 
     Parameters
@@ -54,16 +54,18 @@ def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> Texel
     mesh : SkinMesh
     centre_mm : ndarray of shape (3,)
         What positions are relative to.
+    zeros : callable, optional
+        Makes the lists.
     """
     height, width = raster.shape
     face_mm2 = _face_texel_mm2(raster, mesh)
     shorter_mm2 = np.minimum(_smaller_stretch2(mesh, width, height), face_mm2)
-    row = np.full((height, width), -1, dtype=np.int32)
+    row = zeros((height, width), np.int32)
     per_row = np.count_nonzero(raster.addressed, axis=1)
     count = int(per_row.sum())
-    flat = np.empty(count, dtype=np.int32)
-    position, normal = np.empty((count, 3), dtype=np.float32), np.empty((count, 3), dtype=np.float32)
-    area, texel_mm2 = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
+    flat = zeros((count,), np.int32)
+    position, normal = zeros((count, 3), np.float32), zeros((count, 3), np.float32)
+    area, texel_mm2 = zeros((count,), np.float32), zeros((count,), np.float32)
     widest = np.zeros(height, dtype=np.float32)  # texel of each row that has skin
     out = TexelPoints(row, flat, position, normal, area, texel_mm2)
     faces = _Faces(mesh.corner_position_mm - centre_mm, mesh.corner_normal, shorter_mm2)
@@ -73,7 +75,9 @@ def texel_points(raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> Texel
     return out
 
 
-def extended_points(points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float) -> TexelPoints:
+def extended_points(
+    points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, centre_mm: Float, zeros: Zeros = np.zeros
+) -> TexelPoints:
     """The same points, but where a texel's centre lies beside its chart, on the closest face's plane at the centre.
 
     A smooth field evaluated there lets bilinear reading be right up to the chart's border, and nearly equal on both
@@ -87,13 +91,16 @@ def extended_points(points: TexelPoints, raster: AtlasRaster, mesh: SkinMesh, ce
     mesh : SkinMesh
     centre_mm : ndarray of shape (3,)
         What positions are relative to.
+    zeros : callable, optional
+        Makes the list of positions.
     """
     height, width = raster.shape
     u0, v0 = tile_origin(raster.tile)
     corner_xy = np.empty_like(mesh.corner_uv)
     corner_xy[..., 0] = (mesh.corner_uv[..., 0] - u0) * width
     corner_xy[..., 1] = (v0 + 1 - mesh.corner_uv[..., 1]) * height
-    position = points.position.copy()
+    position = zeros(points.position.shape, np.float32)
+    position[...] = points.position
     planes = _Planes(corner_xy, mesh.corner_position_mm - centre_mm, _face_texel_mm2(raster, mesh))
     parallel_for(_extend, len(position), points.flat_index, _raster_arrays(raster), planes, MAX_BEYOND_TEXELS, position)
     return points._replace(position=position)
@@ -186,6 +193,7 @@ def _points(first, stop, raster, faces, start, out, widest):  # type: ignore[no-
         for col in range(width):
             f = face_index[row, col]
             if f < 0:
+                row_out[row, col] = -1
                 continue
             b1, b2 = np.float64(barycentric[row, col, 0]), np.float64(barycentric[row, col, 1])
             b0 = 1.0 - b1 - b2

@@ -23,6 +23,7 @@ from skinbake.diffuse.surface_space.surface_light import LitTile
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, bits_below, load, lowest_bit, mul_add
 from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Zeros
 
 NORMAL, NARROWING, AMPLITUDE, LIGHT = 3, 6, 7, 8  # rows of a leaf; x y z come first
 LEAVES, GROUPS = np.int64(0), np.int64(1)  # levels of boxes: what `near_boxes` looks for
@@ -101,6 +102,7 @@ def source_tree(
     lit: Tiled[LitTile],
     max_spread_mm2: float = -1.0,
     variance_mm2: float = 1.0,
+    zeros: Zeros = np.zeros,
     rest: Callable[[], None] = lambda: None,
 ) -> SourceTree:
     """The widest blocks whose spread is at most `max_spread_mm2`, and single texels elsewhere.
@@ -114,20 +116,22 @@ def source_tree(
     variance_mm2 : float
         v of the lobe: a cluster spreads by its own spread s^2 less. `NARROWING` is v / (v - s^2), `AMPLITUDE` the area
         times that.
+    zeros : callable, optional
+        Makes the arrays of leaves and of the walk.
     rest : callable, optional
         Called now and then: frees the memory of what was read.
     """
     walks = []
     for points, light, pyramid in lit.values():
         rows, cols = _roots(points.row.shape)
-        order = np.empty((len(rows), 4**LEVELS), np.int32)
+        order = zeros((len(rows), 4**LEVELS), np.int32)
         count = np.empty((len(rows), 2), np.int64)
         roots, found = _Roots(rows, cols), _Walked(order, count)
         parallel_for(_walk, len(rows), roots, points, pyramid, np.float32(max_spread_mm2), found)
         walks.append((points, light, pyramid, order, count))
     total = np.cumsum(np.concatenate([count for *_, count in walks]), axis=0)
     sources, leaves = (int(n) for n in total[-1])
-    leaf, box = np.empty((leaves, LIGHT + 3 * len(walks[0][1]), LANES), np.float32), _no_boxes(leaves)
+    leaf, box = zeros((leaves, LIGHT + 3 * len(walks[0][1]), LANES), np.float32), _no_boxes(leaves)
     done = 0
     for points, light, pyramid, order, count in walks:
         begin = (total[done : done + len(count)] - count)[:, 1]

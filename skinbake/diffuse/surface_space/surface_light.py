@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Tiled, Tiles
 from skinbake.diffuse.surface_space.clusters import MomentPyramid, moment_pyramid
 from skinbake.diffuse.surface_space.points import TexelPoints
+from skinbake.numerics import Zeros
 
 
 class LitTile(NamedTuple):
@@ -28,12 +29,20 @@ class LitTile(NamedTuple):
     pyramid: MomentPyramid
 
 
-def surface_light(source: Tiles, points: Tiled[TexelPoints]) -> Tiled[LitTile]:
-    """Points, light and moments of each tile; the light, (L, H, W, 3) a tile, is not copied."""
+def surface_light(source: Tiles, points: Tiled[TexelPoints], zeros: Zeros = np.zeros) -> Tiled[LitTile]:
+    """Points, light and moments of each tile; the light, (L, H, W, 3) a tile, is not copied.
+
+    Parameters
+    ----------
+    source : Tiles
+    points : TexelPoints of each tile
+    zeros : callable, optional
+        Makes the moments' arrays.
+    """
     lit = {}
     for tile, values in source.items():
         flat = values.reshape(len(values), -1, 3)
-        lit[tile] = LitTile(points[tile], flat, moment_pyramid(points[tile], flat))
+        lit[tile] = LitTile(points[tile], flat, moment_pyramid(points[tile], flat, zeros))
     return lit
 
 

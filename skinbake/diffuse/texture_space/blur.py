@@ -20,7 +20,7 @@ from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
 from skinbake.diffuse.texture_space.separable import decimate, decimation_weights, masked_light, normalised_blur
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float
+from skinbake.numerics import Float, Zeros
 from skinbake.scene.mesh import SkinMesh
 
 PREFILTER_TEXELS2 = 1.75  # of the finer level; aliases of any image stay below 5e-4 of its range
@@ -38,10 +38,13 @@ class TexturePyramid:
         The margin holds what the prefilters carried beyond the texture: the blur that remains brings part of it back.
     prefilter : list of (float, float)
         Variance (y, x) each level already has, texels of the full size squared.
+    zeros : callable
+        Makes levels, and what is blurred from them.
     """
 
     levels: list[NDArray[np.float32]]
     prefilter: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
+    zeros: Zeros = np.zeros
 
     def level(self, number: int) -> NDArray[np.float32]:
         """Level `number`, made from the one before it when it is not there yet."""
@@ -55,7 +58,7 @@ class TexturePyramid:
             t_x = PREFILTER_TEXELS2 if w < width else 0.0
             fine = self.levels[-1]
             before_margin, margin = level_margin(number_before), level_margin(number_before + 1)
-            out = np.zeros((h + 2 * margin, w + 2 * margin, fine.shape[2]), np.float32)
+            out = self.zeros((h + 2 * margin, w + 2 * margin, fine.shape[2]), np.float32)
             decimate(
                 fine,
                 *decimation_weights(height, h, before_margin, margin, t_y or 1e-3),
@@ -78,15 +81,19 @@ def level_margin(level: int) -> int:
     return 0 if level == 0 else 8
 
 
-def texture_pyramid(light: NDArray[np.float32], coverage: NDArray[np.float32]) -> TexturePyramid:
+def texture_pyramid(
+    light: NDArray[np.float32], coverage: NDArray[np.float32], zeros: Zeros = np.zeros
+) -> TexturePyramid:
     """Start of a pyramid.
 
     Parameters
     ----------
     light : ndarray of shape (L, H, W, 3), float32
     coverage : ndarray of shape (H, W), float32
+    zeros : callable, optional
+        Makes its levels.
     """
-    return TexturePyramid([masked_light(light, coverage)])
+    return TexturePyramid([masked_light(light, coverage, zeros)], zeros=zeros)
 
 
 def mean_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> tuple[float, float]:
@@ -142,7 +149,7 @@ def texture_blur(
     kernels = [level_kernel(pyramid, variance_texels2, level, axis).astype(np.float32) for axis in (0, 1)]
     lights = (image.shape[2] - 1) // 3
     height, width = level_size(pyramid.levels[0].shape[:2], level)
-    out = np.empty((lights, height, width, 3), np.float32)
+    out = pyramid.zeros((lights, height, width, 3), np.float32)
     if fallback is None:
         fallback = np.empty((lights, 0, 0, 3), np.float32)
     epsilon = float(_NO_COVERAGE * kernels[0][0] * kernels[1][0])
@@ -179,12 +186,18 @@ def level_kernel(pyramid: TexturePyramid, variance_texels2: tuple[float, float],
     return residual_kernel(rest, t / ratio**4)
 
 
-def texture_pyramids(source: Tiles, coverage: Tiles) -> Tiled[TexturePyramid]:
+def texture_pyramids(source: Tiles, coverage: Tiles, zeros: Zeros = np.zeros) -> Tiled[TexturePyramid]:
     """Start of a pyramid for each tile; tiles do not see one another in texture space.
 
-    `coverage`, (H, W) a tile, is what each texel weighs.
+    Parameters
+    ----------
+    source : Tiles
+    coverage : Tiles
+        What each texel weighs, (H, W) a tile.
+    zeros : callable, optional
+        Makes the levels.
     """
-    return {tile: texture_pyramid(source[tile], each) for tile, each in coverage.items()}
+    return {tile: texture_pyramid(source[tile], each, zeros) for tile, each in coverage.items()}
 
 
 def blur_at(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, broadcast, load, mul_add, store
 from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Zeros
 
 _ROWS = 16
 _CHUNK = 64  # rows that share their scratch memory
@@ -17,10 +18,20 @@ _STRIP = 512
 _ZERO = np.float32(0)
 
 
-def masked_light(light: NDArray[np.float32], coverage: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light (L, H, W, 3) times coverage (H, W), then coverage itself; (H, W, 3 L + 1)."""
+def masked_light(
+    light: NDArray[np.float32], coverage: NDArray[np.float32], zeros: Zeros = np.zeros
+) -> NDArray[np.float32]:
+    """Light times coverage, then coverage itself; (H, W, 3 L + 1).
+
+    Parameters
+    ----------
+    light : ndarray of shape (L, H, W, 3), float32
+    coverage : ndarray of shape (H, W), float32
+    zeros : callable, optional
+        Makes the array.
+    """
     lights, height, width, _ = light.shape
-    out = np.empty((height, width, 3 * lights + 1), np.float32)
+    out = zeros((height, width, 3 * lights + 1), np.float32)
     parallel_for(_mask, height, light, coverage, out)
     return out
 
