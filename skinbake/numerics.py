@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import gcd
 from typing import Any
 
@@ -52,6 +52,18 @@ def normalized(vectors: ArrayLike) -> Float:
     """Vectors of shape (..., 3) scaled to length 1; a zero vector stays zero."""
     vectors = np.asarray(vectors, dtype=np.float64)
     return safe_div(vectors, np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def stacked(images: Sequence[NDArray[Any]], zeros: Zeros = np.zeros) -> NDArray[Any]:
+    """Images of one shape one behind the other, (L, ...), of the type that holds them all.
+
+    Parameters
+    ----------
+    images : sequence of L ndarrays
+    zeros : callable, optional
+        Makes the array.
+    """
+    return np.stack(images, out=zeros((len(images), *images[0].shape), np.result_type(*images)))
 
 
 def even_stride(count: int) -> int:

@@ -20,6 +20,8 @@ from skinbake.scene.maps import IMAGES
 from skinbake.scene.spec import SceneSpec
 from skinbake.stored_precision import as_stored
 
+MOST_TEXELS = 4096  # of a texture along a side: a picture shows no more, and software OpenGL has them in memory
+
 
 def scene_of(
     spec: SceneSpec,
@@ -116,4 +118,5 @@ def _scene(
         decisions.energy_conservation.enabled,
         separate=separate,
         table=table,
+        most_texels=max(MOST_TEXELS, 4 * max(spec.preview.size)),
     )

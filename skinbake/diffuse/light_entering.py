@@ -157,7 +157,9 @@ def light_entering(
     light, further = {}, {}
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
     for k, (raster, tile) in enumerate(zip(atlas, irradiance, strict=True)):
-        normal = shading_normals(raster, scene.mesh, scene.maps)[1] if turned else np.zeros((1, 1, 3), np.float32)
+        normal = np.zeros((1, 1, 3), np.float32)
+        if turned:
+            normal = shading_normals(raster, scene.mesh, scene.maps, aside.zeros)[1]
         out = aside.zeros((len(names) if decisions.separate_lights else 1, *raster.shape, 3), np.float32)
         moved = aside.zeros(out.shape, np.float32) if shifted else None
         for i, name in enumerate(names):

@@ -135,6 +135,7 @@ def _watch(of: ref[Spool], most_read: int) -> None:
             least = min(least, now)
             if now - least > most_read:
                 spool.rest()
-                least = mapped.bytes()
+                # What stays is other than ours, but for what is read again already: so it is believed by and by
+                least = min(mapped.bytes(), least + most_read // 16)
             del spool
             pause.wait(_LOOK_S)

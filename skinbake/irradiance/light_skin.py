@@ -11,6 +11,7 @@ from skinbake.atlas import Atlas
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.light_texels import light_texels
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.numerics import Zeros
 from skinbake.scene.decision import Decisions
 from skinbake.scene.spec import SceneSpec
 
@@ -23,6 +24,7 @@ def light_skin(
     names: tuple[str, ...] | None = None,
     rounded: Callable[[NDArray[np.float32]], NDArray[np.floating]] = lambda image: image,
     tell: Callable[[str], None] = lambda text: None,
+    zeros: Zeros = np.zeros,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of the look's lights, one map a tile; a light's values do not depend on the other lights.
 
@@ -39,6 +41,8 @@ def light_skin(
         Makes of a light's (H, W, 4), irradiance and unshadowed share, what is kept of it, before the next is computed.
     tell : callable
         Told in words which light begins.
+    zeros : callable, optional
+        Makes images that stay for longer.
     """
     return light_texels(
         atlas,
@@ -54,4 +58,5 @@ def light_skin(
         occluder=scene.occluder,
         rounded=rounded,
         tell=tell,
+        zeros=zeros,
     )

@@ -19,7 +19,7 @@ from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float
+from skinbake.numerics import Float, Zeros, stacked
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.scene.maps import SkinMaps
@@ -44,6 +44,7 @@ def light_texels(
     occluder: Occluder | None = None,
     rounded: Callable[[Image], NDArray[np.floating]] = lambda image: image,
     tell: Callable[[str], None] = lambda text: None,
+    zeros: Zeros = np.zeros,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of each light at each texel, one map a tile.
 
@@ -75,6 +76,8 @@ def light_texels(
         is computed in its place: with halves, only one light's floats are in memory.
     tell : callable
         Told in words which light begins.
+    zeros : callable, optional
+        Makes images that stay for longer.
     """
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     table = oil_table(specular) if energy_conservation else np.zeros((0, 0, 2))
@@ -90,9 +93,9 @@ def light_texels(
     names = tuple(light.name for light in lights)
     maps_out, dark = [], set(names)
     for raster in atlas:
-        surface = texel_surface(raster, mesh, maps, specular, occluder)
+        surface = texel_surface(raster, mesh, maps, specular, occluder, zeros)
         found = []
-        lit = np.empty((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
+        lit = zeros((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
         for k, light in enumerate(lights):
             tell(f"{light.name}, {k + 1} of {len(lights)}")
             casts = shadows if light.shadows is None else light.shadows
@@ -106,7 +109,7 @@ def light_texels(
             kept = rounded(lit)
             found.append(lit.copy() if kept is lit else kept)
         del surface, lit
-        rgb, seen = np.stack([kept[..., :3] for kept in found]), np.stack([kept[..., 3] for kept in found])
+        rgb, seen = (stacked([kept[..., part] for kept in found], zeros) for part in (np.s_[:3], 3))
         dark -= {name for name, image in zip(names, rgb, strict=True) if any(row.any() for row in image)}
         maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
     for name in names:

@@ -13,14 +13,16 @@ from skinbake.atlas.sample import bilinear, fitted_map, place_in_map
 from skinbake.irradiance.shadow_origin import facet_point
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float, normalized
+from skinbake.numerics import Float, Zeros, normalized
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 
 
-def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tuple[Image, Image]:
+def shading_normals(
+    raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps, zeros: Zeros = np.zeros
+) -> tuple[Image, Image]:
     """Unit normals without and with the normal map, each (H, W, 3); the same array where the tile has none.
 
     Parameters
@@ -28,8 +30,10 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
     raster : AtlasRaster
     mesh : SkinMesh
     maps : SkinMaps
+    zeros : callable, optional
+        Makes the images.
     """
-    smooth = np.zeros((*raster.shape, 3), np.float32)
+    smooth = zeros((*raster.shape, 3), np.float32)
     parallel_for(_interpolate_unit, len(smooth), raster.face_index, raster.barycentric, mesh.corner_normal, smooth)
     if raster.tile not in maps.normal or (maps.normal_strength == 0 and maps.normal_space == "tangent"):
         return smooth, smooth
@@ -39,7 +43,7 @@ def shading_normals(raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps) -> tupl
         return smooth, np.where(length > 0, values / np.where(length > 0, length, np.float32(1)), smooth)
     image, corner_uv = fitted_map(raster, mesh, maps.normal[raster.tile])
     handedness = np.where(signed_uv_area(mesh) < 0, -1.0, 1.0)
-    mapped = np.zeros_like(smooth)
+    mapped = zeros(smooth.shape, np.float32)
     frame = _TangentFrame(mesh.corner_normal, corner_tangents(mesh), handedness)
     tilt = _NormalMap(corner_uv, image, float(maps.normal_strength))
     parallel_for(_tilt, len(mapped), raster.shown, smooth, frame, tilt, mapped)

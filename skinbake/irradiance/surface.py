@@ -22,7 +22,7 @@ from skinbake.irradiance.shadow_origin import (
     place_inside_texels,
 )
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float, normalized, safe_div
+from skinbake.numerics import Float, Zeros, normalized, safe_div
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SpecularSpec
@@ -104,7 +104,12 @@ class TexelSurface:
 
 
 def texel_surface(
-    raster: AtlasRaster, mesh: SkinMesh, maps: SkinMaps, specular: SpecularSpec, occluder: Occluder
+    raster: AtlasRaster,
+    mesh: SkinMesh,
+    maps: SkinMaps,
+    specular: SpecularSpec,
+    occluder: Occluder,
+    zeros: Zeros = np.zeros,
 ) -> TexelSurface:
     """Surface of one tile's texels; every light uses it.
 
@@ -115,9 +120,11 @@ def texel_surface(
     maps : SkinMaps
     specular : SpecularSpec
     occluder : Occluder
+    zeros : callable, optional
+        Makes the normals' images.
     """
     height, width = raster.shape
-    smooth, normal = shading_normals(raster, mesh, maps)
+    smooth, normal = shading_normals(raster, mesh, maps, zeros)
     return TexelSurface(
         raster,
         normal,

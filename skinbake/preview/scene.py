@@ -62,6 +62,8 @@ class PreviewScene:
         By tile, of a scene for lights that come later: harmonics Y_0 to Y_8 of what is open to the sky.
     basis : LightBasis, optional
         Of such a scene: the layers of its lobe are the lights of the basis.
+    most_texels : int
+        Along a side of what is sent to the graphics card: larger images are halved until they have no more.
     """
 
     mesh: SkinMesh
@@ -77,6 +79,7 @@ class PreviewScene:
     table: WeightTable | None = None
     open_sky: Mapping[int, Texture] = field(default_factory=dict)
     basis: LightBasis | None = None
+    most_texels: int = 1 << 30
 
     def __post_init__(self) -> None:
         textures = [(f"lobe {i}", lobe.rgb, 4) for i, lobe in enumerate(self.lobes)]

@@ -20,6 +20,7 @@ from skinbake.preview.skin_table import table_images
 from skinbake.scene.spec import SpecularSpec
 
 SMALLEST = 256  # texels a side: a driver that has no room for that is not merely small
+_ROWS = 64  # that are halved at a time
 _FORMAT = {1: GL.GL_RED, 2: GL.GL_RG, 3: GL.GL_RGB, 4: GL.GL_RGBA}
 _INTERNAL = {
     (1, "float16"): GL.GL_R16F,
@@ -33,7 +34,7 @@ _INTERNAL = {
 }
 
 
-def upload(image: NDArray[np.floating]) -> int:
+def upload(image: NDArray[np.floating], most: int = 1 << 30) -> int:
     """Send an image to the graphics card as an array texture; its OpenGL name.
 
     Single images have one layer, for a program may not mix kinds of samplers while unbound. What the driver does not
@@ -44,6 +45,8 @@ def upload(image: NDArray[np.floating]) -> int:
     ----------
     image : ndarray of shape (L, h, w, k), float16 or float32, k in 1 ... 4
         Row 0 is what the shader reads at t = 0.
+    most : int
+        Texels along a side: a larger image is halved first.
 
     Raises
     ------
@@ -52,7 +55,7 @@ def upload(image: NDArray[np.floating]) -> int:
     """
     dtype = "float16" if image.dtype == np.float16 else "float32"
     image = np.ascontiguousarray(image, dtype=dtype)
-    largest = int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE))
+    largest = min(int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE)), most)
     while max(image.shape[1:3]) > largest:
         image = _halved(image)
     while True:
@@ -69,20 +72,22 @@ def upload(image: NDArray[np.floating]) -> int:
             return texture
 
 
-def upload_levels(levels: list[NDArray[np.floating]]) -> int:
+def upload_levels(levels: list[NDArray[np.floating]], most: int = 1 << 30) -> int:
     """Send an image with its coarser levels, which are read trilinearly; its OpenGL name.
 
     Parameters
     ----------
     levels : list of ndarray of shape (h, w, k)
         Each half as large as the one before; what the driver does not take is left out.
+    most : int
+        Texels along a side: larger levels are left out, too.
 
     Raises
     ------
     MachineError
         No memory even for a small one.
     """
-    largest = int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE))
+    largest = min(int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE)), most)
     while len(levels) > 1 and max(levels[0].shape) > largest:
         levels = levels[1:]
     dtype = "float16" if levels[0].dtype == np.float16 else "float32"
@@ -119,8 +124,10 @@ def _halved(image: NDArray[np.floating]) -> NDArray[np.floating]:
     below, right = np.minimum(top + 1, height - 1), np.minimum(left + 1, width - 1)
     out = np.empty((layers, len(top), len(left), channels), image.dtype)
     for layer in range(layers):
-        rows = np.add(image[layer, top], image[layer, below], dtype=np.float32)
-        out[layer] = 0.25 * (rows[:, left] + rows[:, right])
+        for first in range(0, len(top), _ROWS):  # as floats it takes as much as it gives
+            part = slice(first, first + _ROWS)
+            rows = np.add(image[layer, top[part]], image[layer, below[part]], dtype=np.float32)
+            out[layer, part] = 0.25 * (rows[:, left] + rows[:, right])
     return out
 
 
@@ -159,7 +166,7 @@ class TileTextures:
     def __init__(
         self, scene: PreviewScene, tile: int, shared: Mapping[str, int], sent: Callable[[], None] = lambda: None
     ) -> None:
-        maps, self.tile, self._sent = scene.maps, tile, sent
+        maps, self.tile, self._sent, self._most = scene.maps, tile, sent, scene.most_texels
         lobes = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
         self.lobe_sizes = {name: (image.shape[2], image.shape[1]) for name, image in lobes.items()}
         self._images: dict[str, NDArray[np.floating]] = lobes | {
@@ -190,7 +197,10 @@ class TileTextures:
         if name not in self._own:
             image = self._images[name]
             levels = name == "normal_map" and self.has_normal_map
-            self._own[name] = upload_levels(normal_levels(image[0], *self._normal_kind)) if levels else upload(image)
+            if levels:
+                self._own[name] = upload_levels(normal_levels(image[0], *self._normal_kind), self._most)
+            else:
+                self._own[name] = upload(image, self._most)
             self._sent()
         return self._own[name]
 

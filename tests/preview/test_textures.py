@@ -43,6 +43,18 @@ def test_what_is_too_large_is_halved(monkeypatch, dtype):
         textures.upload(ramp)
 
 
+def test_no_more_is_sent_than_was_said(monkeypatch):
+    """A picture of a huge bake needs no more; levels begin later."""
+    taken = []
+    monkeypatch.setattr(textures, "_send", lambda image, *_: taken.append(image))
+    ramp = np.broadcast_to(np.arange(200.0, dtype=np.float32)[None, :, None, None], (1, 200, 99, 1))
+    textures.upload(ramp, most=100)
+    assert taken[0].shape == (1, 100, 49, 1)
+    np.testing.assert_allclose(taken[0][0, :, 0, 0], 2 * np.arange(100) + 0.5)
+    textures.upload_levels([np.zeros((8, 8, 4), np.float32), np.ones((4, 4, 4), np.float32)], most=4)
+    assert taken[1].shape == (1, 4, 4, 4)
+
+
 def test_one_texel_is_its_own_half():
     """And a row or a column keeps its length's half."""
     one = np.full((1, 1, 1, 3), 7, np.float32)

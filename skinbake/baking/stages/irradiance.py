@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from skinbake.io.digests import key_of
 from skinbake.io.irradiance import plan_of_text, plan_text
 from skinbake.irradiance import IrradianceMap
 from skinbake.irradiance.light_skin import light_skin
+from skinbake.numerics import Zeros, stacked
 from skinbake.pipeline import Stage
 from skinbake.stored_precision import as_stored
 
@@ -96,7 +97,7 @@ class IrradianceStage(Stage[Maps, Maps]):
         Rounded as the file will hold them: a bake taken up from files or from the cache must not differ from one made
         in one go.
         """
-        inputs, spec = self._inputs, self._inputs.spec
+        inputs, spec, spool = self._inputs, self._inputs.spec, self._results.spool
         missing = self.missing_lights()
         stored = self._results.irradiance() if len(missing) < len(self.light_keys) else ()
         if stored is None:  # damaged: as good as missing
@@ -104,8 +105,10 @@ class IrradianceStage(Stage[Maps, Maps]):
         atlas = self._raster.result()
 
         def trace(names: tuple[str, ...]) -> dict[str, Arrays]:
-            rounded = partial(as_stored, precision=spec.output.precision)
-            made = light_skin(spec, inputs.decisions, inputs.scene(), atlas, names, rounded, self._say)
+            def rounded(image: NDArray[np.float32]) -> NDArray[np.floating]:
+                return spool.keep(as_stored(image, spec.output.precision))
+
+            made = light_skin(spec, inputs.decisions, inputs.scene(), atlas, names, rounded, self._say, spool.zeros)
             self._session.traced += names
             return _by_light(made)
 
@@ -114,7 +117,7 @@ class IrradianceStage(Stage[Maps, Maps]):
             found = cache.get_many({name: self.light_keys[name] for name in missing}, trace)
         else:
             found = trace(missing) if missing else {}
-        return _merged(tuple(self.light_keys), found, stored, atlas)
+        return _merged(tuple(self.light_keys), found, stored, atlas, spool.zeros)
 
     def store(self, made: Maps) -> Maps:
         """Keep the irradiance; computed values are rounded already."""
@@ -152,8 +155,21 @@ def _by_light(maps: Maps) -> dict[str, Arrays]:
     return entries
 
 
-def _merged(names: tuple[str, ...], found: Mapping[str, Arrays], stored: Sequence[IrradianceMap], atlas: Atlas) -> Maps:
-    """Lights in the order of `names`: from `found` where it has them, else from what was `stored`."""
+def _merged(
+    names: tuple[str, ...], found: Mapping[str, Arrays], stored: Sequence[IrradianceMap], atlas: Atlas, zeros: Zeros
+) -> Maps:
+    """Lights in the order of `names`: from `found` where it has them, else from what was `stored`.
+
+    Parameters
+    ----------
+    names : tuple of str
+    found : mapping of light name to arrays
+        As `_by_light` gives them.
+    stored : sequence of IrradianceMap
+    atlas : Atlas
+    zeros : callable
+        Makes the images.
+    """
     tiles = []
     plan = {name: lines for tile in stored[:1] for name, lines in tile.plan.items() if name in names}
     for name, entry in found.items():
@@ -170,7 +186,8 @@ def _merged(names: tuple[str, ...], found: Mapping[str, Arrays], stored: Sequenc
                 j = stored[k].lights.index(name)
                 rgb.append(stored[k].rgb[j])
                 visibility.append(stored[k].visibility[j])
-        tiles.append(IrradianceMap(raster.tile, names, np.stack(rgb), np.stack(visibility), raster.coverage, plan))
+        images = stacked(rgb, zeros), stacked(visibility, zeros)
+        tiles.append(IrradianceMap(raster.tile, names, *images, raster.coverage, plan))
     return tuple(tiles)
 
 
