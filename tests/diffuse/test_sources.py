@@ -5,21 +5,23 @@ import pytest
 
 from skinbake.atlas import rasterize
 from skinbake.diffuse.surface_space.points import texel_points
-from skinbake.diffuse.surface_space.sources import (
-    AMPLITUDE,
+from skinbake.diffuse.surface_space.source_search import (
     GROUPS,
     LEAVES,
-    LIGHT,
-    NARROWING,
-    NORMAL,
     STACK,
     Search,
     near_boxes,
     near_sources,
     opposite_sources,
-    source_tree,
     sources_around,
     tree_node,
+)
+from skinbake.diffuse.surface_space.sources import (
+    AMPLITUDE,
+    LIGHT,
+    NARROWING,
+    NORMAL,
+    source_tree,
 )
 from skinbake.diffuse.surface_space.surface_light import surface_light
 from skinbake.kernels.simd import LANES

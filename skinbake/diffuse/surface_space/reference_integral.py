@@ -14,17 +14,19 @@ from numpy.typing import NDArray
 
 from skinbake.diffuse.lattice import lattice_gain, lattice_table, lattice_variance
 from skinbake.diffuse.surface_space.pair_rule import pair_weight
-from skinbake.diffuse.surface_space.sources import (
-    AMPLITUDE,
+from skinbake.diffuse.surface_space.source_search import (
     LEAVES,
-    LIGHT,
-    NORMAL,
     STACK,
     Search,
-    SourceTree,
     near_boxes,
     opposite_sources,
     tree_node,
+)
+from skinbake.diffuse.surface_space.sources import (
+    AMPLITUDE,
+    LIGHT,
+    NORMAL,
+    SourceTree,
 )
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, lowest_bit, prefetch
