@@ -24,9 +24,10 @@ def pytest_configure(config):
 
 @pytest.fixture(scope="session", autouse=True)
 def quick_plots():
-    """What bakes in this process leaves a stamp as the fit's plot; see `drawn_plots`."""
+    """What bakes in this process leaves a stamp as the fit's plot (see `drawn_plots`), which nobody's cache keeps."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(PLOT, stamp_fit_plot)
+        patch.setattr("skinbake.baking.kept_fit.user_cache", lambda: None)
         yield
 
 

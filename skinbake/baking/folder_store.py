@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 import skinbake
 from skinbake.baking.folder_files import FolderFiles, refuse_inputs_as_outputs
 from skinbake.baking.inputs import BakeInputs
+from skinbake.baking.kept_fit import KeptFit, keep_fit
 from skinbake.baking.provenance import Provenance
 from skinbake.baking.stage_log import StageLog
 from skinbake.diffuse import DiffuseMap
 from skinbake.errors import InputError
-from skinbake.io.atomic import write_text
+from skinbake.io.atomic import write_bytes, write_text
 from skinbake.io.background import Background
 from skinbake.io.cache import Cache
 from skinbake.io.digests import sha256_of
@@ -134,12 +135,21 @@ class FolderStore:
             self.written |= set(FIT_FILES)
         return found
 
-    def keep_fit(self, report: FitReport, key: str) -> None:
-        """Write profile.json, .csv and .png."""
+    def keep_fit(self, made: FitReport | KeptFit, key: str) -> None:
+        """Write profile.json, .csv and .png; a fit that was made now is kept for other folders, too."""
         self._begin(FIT_FILES)
         for name in FIT_FILES:  # those of another fit: never one of each
             (self.folder / name).unlink(missing_ok=True)
-        self._background.do(lambda: write_fit(report, self.folder, {"key": key}))
+
+        def write() -> None:
+            if isinstance(made, KeptFit):
+                for name, content in made.files.items():
+                    write_bytes(self.folder / name, content)
+            else:
+                write_fit(made, self.folder, {"key": key})
+                keep_fit(key, self.folder)
+
+        self._background.do(write)
 
     # Light arriving
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from skinbake.atlas import FIRST_TILE, tiles_of
 from skinbake.baking.inputs_roles import DETAILED, OCCLUDERS, OF_MATERIALS
+from skinbake.baking.kept_fit import fit_key, kept_fit
 from skinbake.baking.session import BakeSession
 from skinbake.baking.shared_blurs import BlurBase
 from skinbake.baking.stage_log import StageLog
@@ -22,7 +23,7 @@ from skinbake.io.spool import Spool
 from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.scene_data import SceneData
-from skinbake.profile import FitReport, fit_skin
+from skinbake.profile import FitReport, GaussianSum, fit_skin
 from skinbake.profile.fit_onto import fit_onto
 from skinbake.profile.skin_albedo import PIGMENTS
 from skinbake.profile.varying_skin import Range, ranges_of
@@ -81,8 +82,7 @@ class BakeInputs:
         found = self._session.peek("texture_size", key)
         if found is None:
             scene = self.scene()
-            gaussians = self.base.gaussians if self.base else self.fit.gaussians
-            chosen = choose_size(spec, scene.mesh, scene.maps, gaussians)
+            chosen = choose_size(spec, scene.mesh, scene.maps, self._gaussians())
             found = self._session.put("texture_size", key, chosen)
             if found.size != spec.texture.size and _layout_of_its_own(spec):
                 self._scene = None  # made at the other size
@@ -123,6 +123,13 @@ class BakeInputs:
         if self.base:
             return fit_onto(self.spec.skin, self.base.gaussians.variance_mm2, table)
         return fit_skin(self.spec.skin, table, over=self.varying)
+
+    def _gaussians(self) -> GaussianSum:
+        """The skin's, of whoever has them."""
+        if self.base:
+            return self.base.gaussians
+        kept = kept_fit(fit_key(self))
+        return kept.gaussians if kept else self.fit.gaussians
 
     @property
     def base(self) -> BlurBase | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.baking.kept_fit import KeptFit
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
 from skinbake.io.spool import Spool
@@ -24,7 +25,7 @@ class MemoryStore:
         """Nothing."""
         return None
 
-    def keep_fit(self, report: FitReport, key: str) -> None:
+    def keep_fit(self, made: FitReport | KeptFit, key: str) -> None:
         """Write nothing."""
 
     def light_keys(self) -> dict[str, str]:

@@ -9,6 +9,7 @@ if TYPE_CHECKING:  # stages import this, and their code keys must not hang on wh
     import numpy as np
     from numpy.typing import NDArray
 
+    from skinbake.baking.kept_fit import KeptFit
     from skinbake.baking.provenance import Provenance
     from skinbake.diffuse import DiffuseMap
     from skinbake.io.cache import Cache
@@ -32,7 +33,7 @@ class ResultStore(Protocol):
     def fit(self, key: str) -> GaussianSum | None:
         """The fitted profile."""
 
-    def keep_fit(self, report: FitReport, key: str) -> None:
+    def keep_fit(self, made: FitReport | KeptFit, key: str) -> None:
         """Keep a fit with its figures and its plot."""
 
     def light_keys(self) -> dict[str, str]:

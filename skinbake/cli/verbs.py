@@ -70,7 +70,7 @@ def run_verb(arguments: list[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a terminal may have less letters than a name: no reason to fail
             stream.reconfigure(errors="backslashreplace")
     reuse_freed()
-    gc.set_threshold(50_000)  # imports make many objects that stay: looking them through ever again takes 0.1 s
+    gc.set_threshold(500_000)  # imports make many objects that stay: looking them through ever again takes 0.5 s
     try:
         result: Any = group.main(arguments, prog_name="skinbake", standalone_mode=False)
         return result if isinstance(result, int) else 0

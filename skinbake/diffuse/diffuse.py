@@ -133,8 +133,17 @@ def diffuse(
     probes = draw_probes(geometry, spec.probes, seed, VERIFY)
     arrives = area_sum(scaled, geometry.points)
 
+    unblurred: dict[int, Lobe] = {}  # by the light that they are: the same for most of them
+
     def finish(number: int, tiles: Tiles) -> Lobe:
-        return aside.lobe(_lobe(plans[number], gaussians.weight_rgb[number], tiles, geometry, arrives, exponents))
+        plan, weight = plans[number], gaussians.weight_rgb[number]
+        light = id(next(iter(tiles.values())))
+        if not plan.method.blurs and light in unblurred:
+            return _weighed(unblurred[light], plan, weight)
+        made = aside.lobe(_lobe(plan, weight, tiles, geometry, arrives, exponents))
+        if not plan.method.blurs:
+            unblurred[light] = made
+        return made
 
     made = make_lobes(memoizer, plans, weights, probes, precision, tell, finish)
 
@@ -177,6 +186,19 @@ def _fit(gaussians: GaussianSum, blurs: float) -> Decision:
     fit = gaussians.fit_error
     why = f"skin.fit is off by {fit:.2%} of what the blur does, which is {blurs:.1%} of the light (rms)"
     return Decision(FIT, True, why, fit * blurs, f"{len(gaussians.variance_mm2)} Gaussians")
+
+
+def _weighed(lobe: Lobe, plan: LobePlan, weight_rgb: Float) -> Lobe:
+    """A lobe of the same pixels, which are not copied, for another Gaussian.
+
+    Parameters
+    ----------
+    lobe : Lobe
+    plan : LobePlan
+    weight_rgb : ndarray of shape (3,)
+    """
+    r, g, b = weight_rgb.tolist()
+    return replace(lobe, variance_mm2=plan.parameters.variance_mm2, weight_rgb=(r, g, b), rgb=dict(lobe.rgb))
 
 
 def _lobe(

@@ -15,6 +15,7 @@ from pydantic import ConfigDict, Field
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe, MeasuredError
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, channel_of, read_attributes, read_parts, rgb_channels
+from skinbake.io.exr_copy import copy_parts
 from skinbake.io.irradiance import LAYOUTS, LIGHT, TOTAL, tile_path
 from skinbake.io.output_names import is_output
 from skinbake.io.record import Record
@@ -139,7 +140,7 @@ def write_lobes(
     ----------
     folder : Path
     result : DiffuseMap
-        Its lobes are `StoredLobe`s (`as_stored_lobes`).
+        Its lobes are `StoredLobe`s (`as_stored_lobes`); what two of them share is packed once.
     key : str
         Stage key, for every header.
     attributes : mapping
@@ -175,24 +176,29 @@ def write_lobes(
         "tolerance_met": result.tolerance_met,
         "advice": result.advice,
     }
+    header = dict(attributes) | {
+        "skinbake:key": key,
+        "skinbake:error": json.dumps(asdict(result.error) if result.error else None),
+    }
+    packed: dict[int, Path] = {}  # files by their pixels: several lobes may be the light itself
     for index in reversed(range(len(result.lobes))):  # lobe_0 last: a folder that has it has them all
         lobe = result.lobes[index]
-        header = dict(attributes) | {
-            "skinbake:key": key,
+        own: dict[str, Any] = {
             "skinbake:variance_mm2": float(lobe.variance_mm2),
             "skinbake:weight_rgb": [float(w) for w in lobe.weight_rgb],
             "skinbake:method": stored_method(lobe),
-            "skinbake:error": json.dumps(asdict(result.error) if result.error else None),
         }
         if index == 0:
-            header["skinbake:diffusion"] = json.dumps(summary)
+            own["skinbake:diffusion"] = json.dumps(summary)
         assert isinstance(lobe, StoredLobe)
         for tile, rgb in lobe.rgb.items():
-            parts = [Part(TOTAL, rgb_channels(lobe.total[tile]))]
-            if separate:
-                parts += [Part(LIGHT + n, rgb_channels(rgb[i])) for i, n in enumerate(result.lights)]
             path = tile_path(folder / names[index], tile, udim)
-            LAYOUTS[layout](path, parts, header, precision, compression)
+            same = packed.setdefault(id(rgb), path) if layout == "multipart" else path
+            if same == path or not copy_parts(same, path, own):
+                parts = [Part(TOTAL, rgb_channels(lobe.total[tile]))]
+                if separate:
+                    parts += [Part(LIGHT + n, rgb_channels(rgb[i])) for i, n in enumerate(result.lights)]
+                LAYOUTS[layout](path, parts, header | own, precision, compression)
             if spool is not None:
                 spool.rest()
 

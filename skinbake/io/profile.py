@@ -106,7 +106,16 @@ def write_fit(report: FitReport, folder: Path | str, extra: dict[str, Any] | Non
 def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
     """Gaussians of a profile.json that was written under `key`; None where there is none, or an older one."""
     try:
-        record = json.loads(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return None
+    return gaussians_of_text(text, key)
+
+
+def gaussians_of_text(text: str, key: str) -> GaussianSum | None:
+    """Gaussians of what profile.json holds; None where it was written under another key, or is damaged."""
+    try:
+        record = json.loads(text)
         if record["key"] != key:
             return None
         told = [np.array(record[name], np.float64) for name in ("relative_error_rgb", "energy_rgb")]
@@ -125,7 +134,7 @@ def read_gaussians(path: Path | str, key: str) -> GaussianSum | None:
             table_of_record(record.get(KEY), len(variance)),
             edges,
         )
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None
 
 
