@@ -1,4 +1,4 @@
-"""Fits of skins that were made before, with their plots, in the user's cache: a look is fitted once, not at each bake."""
+"""Fits of skins that were made before, with their plots, in the user's cache: a look is fitted once."""
 
 from __future__ import annotations
 
