@@ -28,7 +28,7 @@ from skinbake.diffuse.terms.beam import (
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin, formed_already
 from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
-from skinbake.diffuse.terms.skin_view import look_around
+from skinbake.diffuse.terms.skin_view import SkinView, look_around
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.oil_albedo import mean_specular_albedo, oil_table
@@ -113,6 +113,7 @@ def light_entering(
     medium: SkinMedium,
     incidence: Incidence | None,
     aside: Aside = IN_MEMORY,
+    view: SkinView | None = None,
 ) -> LightEntering:
     """Irradiance with the terms `incidence`, `beam` and `interreflection`, times albedo^x; theory.md 9.5 to 9.7.
 
@@ -133,6 +134,8 @@ def light_entering(
         Of the medium, unless it is not asked for or there is no medium.
     aside : Aside, optional
         Where large arrays stand while they are not read.
+    view : SkinView, optional
+        What the skin sees of itself, where somebody has looked around already.
     """
     slant = slant_of(incidence, reference_reflectance(spec, gaussians, medium, incidence)) if incidence else None
     names = irradiance[0].lights
@@ -193,7 +196,7 @@ def light_entering(
         _product(a, weights.total_image(r.tile, r.shape, aside.zeros), aside.zeros)
         for a, r in zip(albedo, atlas, strict=True)
     ]
-    lines, skin_light = _bounce(spec, scene, atlas, names, light, reflected, gain, limits)
+    lines, skin_light = _bounce(spec, scene, atlas, names, light, reflected, gain, limits, view)
     plan += lines
     del reflected
 
@@ -358,6 +361,7 @@ def _bounce(
     reflected: list[Image],
     gain: dict[str, Image],
     limits: list[float],
+    view: SkinView | None,
 ) -> tuple[list[Decision], SkinLight | None]:
     """Add to each light what skin sends on to skin, where that is worth it; the plan's lines, and how that was done.
 
@@ -375,6 +379,8 @@ def _bounce(
         By light, what of light from skin counts where it enters.
     limits : list of L float
         What may be left out of each light.
+    view : SkinView, optional
+        Where it was looked around already.
     """
     terms, udim = spec.terms, spec.texture.udim
     if terms.interreflection == "off":
@@ -398,7 +404,7 @@ def _bounce(
     taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
     for i in kept:
         lines[i] = replace(lines[i], error=taken.error(bounced[i]))
-    view = look_around(
+    view = view or look_around(
         scene.mesh, scene.occluder, spec.texture.size, spec.texture.gutter, udim, taken.width_mm, taken.rays
     )
     seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]

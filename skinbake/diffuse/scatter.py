@@ -21,6 +21,7 @@ from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.beam import free_path_of
 from skinbake.diffuse.terms.curvature import curve_skin
+from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
@@ -55,6 +56,7 @@ def scatter(
     remember: Remember | None = None,
     base: EnteredSkin | None = None,
     aside: Aside = IN_MEMORY,
+    view: SkinView | None = None,
 ) -> DiffuseMap:
     """Lobes of the light that enters, times albedo^x (x = 1: pre-scatter texturing), and light through thin parts.
 
@@ -78,12 +80,14 @@ def scatter(
         Another skin, of the same variances, whose light and plan this one takes: its blurs are then the other's.
     aside : Aside, optional
         Where lobes stand that are made, and what they are made of.
+    view : SkinView, optional
+        As in `light_entering`.
     """
     tell = say or (lambda text: None)
     tell("light that enters the skin")
     skin = VaryingSkin.of(gaussians, scene.maps, atlas)
     entered = base or EnteredSkin(gaussians, medium, incidence)
-    entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered, aside)
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered, aside, view)
     if base is not None:
         entering = _curved_as(entering, spec, decisions, scene, gaussians, medium)
     aside.rest()

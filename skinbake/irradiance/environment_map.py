@@ -139,9 +139,12 @@ def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Floa
     flux = np.zeros((SKY[0] * SKY[1], 4, 3))
     integrals = _DirectionIntegrals(across, up, cols)
     parallel_for(_add_fluxes, SKY[0], radiance, integrals, rows, columns, flux)
-    out = np.zeros((len(normal), 3))
-    parallel_for(_convolve, len(normal), np.ascontiguousarray(normal, np.float64), flux, out)
-    return out
+    # A light on black is a few blocks of many, a grey sky one channel
+    lit = np.ascontiguousarray(flux[flux[:, :3].any(axis=(1, 2)), :3])
+    channels = 1 if (lit[:, :1] == lit).all() else 3
+    out = np.zeros((len(normal), channels))
+    parallel_for(_convolve, len(normal), np.ascontiguousarray(normal, np.float64), lit, flux[:, 3].copy(), out)
+    return np.repeat(out, 3 // channels, axis=1)
 
 
 def irradiance_table(radiance: Image, rotate_deg: float = 0.0) -> Image:
@@ -215,7 +218,7 @@ def _add_fluxes(
 
 
 @kernel
-def _convolve(first: int, stop: int, normal: Float, flux: Float, out: Float) -> None:
+def _convolve(first: int, stop: int, normal: Float, flux: Float, even: Float, out: Float) -> None:
     """Sum of what blocks send to each normal, scaled so that constant radiance gives exactly pi.
 
     Parameters
@@ -223,22 +226,25 @@ def _convolve(first: int, stop: int, normal: Float, flux: Float, out: Float) -> 
     first, stop : int
         Normals.
     normal : ndarray of shape (n, 3)
-    flux : ndarray of shape (blocks, 4, 3)
-        What `_add_fluxes` gives.
-    out : ndarray of shape (n, 3)
-        Added to: zeros.
+    flux : ndarray of shape (lit blocks, 3, 3)
+        By block, channel and axis, as `_add_fluxes` gives it.
+    even : ndarray of shape (blocks, 3)
+        Of radiance 1.
+    out : ndarray of shape (n, 1) or (n, 3)
+        The first channel or all; added to: zeros.
     """
     for i in range(first, stop):
         total, x, y, z = 0.0, normal[i, 0], normal[i, 1], normal[i, 2]
+        for j in range(len(even)):
+            c = x * even[j, 0] + y * even[j, 1] + z * even[j, 2]
+            if c > 0.0:
+                total += c
         for j in range(len(flux)):
-            for k in range(4):
+            for k in range(out.shape[1]):
                 c = x * flux[j, k, 0] + y * flux[j, k, 1] + z * flux[j, k, 2]
                 if c > 0.0:
-                    if k < 3:
-                        out[i, k] += c
-                    else:
-                        total += c
-        for k in range(3):
+                    out[i, k] += c
+        for k in range(out.shape[1]):
             out[i, k] *= np.pi / total
 
 

@@ -23,6 +23,8 @@ from skinbake.scene.spec import SpecularSpec
 
 Image = NDArray[np.float32]
 NODES = 65  # of what a cosine lets in, even in its square root: the oil's albedo rises steeply towards grazing
+WIDE = 8  # lights go by whole vectors of a processor
+AT_ONCE = 4  # directions that are added up together
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ def basis_irradiance(
             np.ascontiguousarray(sky.towards.T),
         ),
         _Passage(OilLayer(surface.roughness, surface.strength, passage.oil_albedo, surface.f0), passage.factor_rgb),
-        np.ascontiguousarray(light, np.float32),
+        np.pad(np.asarray(light, np.float32), ((0, 0), (0, -light.shape[1] % WIDE))),
         out,
     )
     return out.reshape(len(out), height, width, 3) if texels is None else out
@@ -167,7 +169,7 @@ def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyp
     at : _Texels
     sky : _Sky
     passage : _Passage
-    light : ndarray of shape (D, K)
+    light : ndarray of shape (D, K or more)
     out : ndarray of shape (K, places, 3)
         Written.
     """
@@ -175,7 +177,8 @@ def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyp
     height, width = at.normal.shape[:2]
     h, w = sky.row.shape
     seen = np.empty(count, np.float32)
-    sums = np.empty((3, lights), np.float32)
+    open_to, enters = np.zeros(count + AT_ONCE, np.int64), np.empty((3, count + AT_ONCE), np.float32)
+    red, green, blue = np.empty(lights, np.float32), np.empty(lights, np.float32), np.empty(lights, np.float32)
     lets = np.empty((NODES, 3), np.float32)
     for i in range(first, stop):
         row, col = at.texels[i] // width, at.texels[i] % width
@@ -183,7 +186,7 @@ def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyp
         around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
         _read_share(sky, at.smooth_normal[row, col], around, seen)
         _let_in(passage, row, col, lets)
-        sums[:, :] = 0.0
+        found = 0
         for d in range(count):
             cosine = nx * sky.columns[0, d] + ny * sky.columns[1, d] + nz * sky.columns[2, d]
             if not (cosine > 0.0 and seen[d] > 0.0):
@@ -192,16 +195,24 @@ def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyp
             j = min(int(x), NODES - 2)
             x -= j
             weight = cosine * seen[d]
-            red = weight * (lets[j, 0] + x * (lets[j + 1, 0] - lets[j, 0]))
-            green = weight * (lets[j, 1] + x * (lets[j + 1, 1] - lets[j, 1]))
-            blue = weight * (lets[j, 2] + x * (lets[j + 1, 2] - lets[j, 2]))
-            for k in range(lights):
-                sums[0, k] += red * light[d, k]
-                sums[1, k] += green * light[d, k]
-                sums[2, k] += blue * light[d, k]
-        for k in range(lights):
+            open_to[found] = d
             for c in range(3):
-                out[k, at.place[i], c] = sums[c, k]
+                enters[c, found] = weight * (lets[j, c] + x * (lets[j + 1, c] - lets[j, c]))
+            found += 1
+        enters[:, found : found + AT_ONCE] = 0.0
+        red[:], green[:], blue[:] = 0.0, 0.0, 0.0
+        for n in range(0, found, AT_ONCE):
+            d0, d1, d2, d3 = open_to[n], open_to[n + 1], open_to[n + 2], open_to[n + 3]
+            r0, r1, r2, r3 = enters[0, n], enters[0, n + 1], enters[0, n + 2], enters[0, n + 3]
+            g0, g1, g2, g3 = enters[1, n], enters[1, n + 1], enters[1, n + 2], enters[1, n + 3]
+            b0, b1, b2, b3 = enters[2, n], enters[2, n + 1], enters[2, n + 2], enters[2, n + 3]
+            for k in range(lights):
+                l0, l1, l2, l3 = light[d0, k], light[d1, k], light[d2, k], light[d3, k]
+                red[k] += (r0 * l0 + r1 * l1) + (r2 * l2 + r3 * l3)
+                green[k] += (g0 * l0 + g1 * l1) + (g2 * l2 + g3 * l3)
+                blue[k] += (b0 * l0 + b1 * l1) + (b2 * l2 + b3 * l3)
+        for k in range(len(out)):
+            out[k, at.place[i], 0], out[k, at.place[i], 1], out[k, at.place[i], 2] = red[k], green[k], blue[k]
 
 
 @kernel(inner=True)

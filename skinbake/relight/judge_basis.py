@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, Tiles, interpolate
 from skinbake.diffuse.scatter import scatter
 from skinbake.diffuse.skin_weights import SkinWeights
+from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.irradiance.light_texels import light_texels
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.numerics import Float
@@ -49,6 +50,8 @@ class DirectBake(NamedTuple):
     gaussians : GaussianSum
     medium : SkinMedium
     incidence : Incidence, optional
+    view : SkinView, optional
+        What the skin sees of itself, found once for all lights.
     """
 
     spec: SceneSpec
@@ -58,6 +61,7 @@ class DirectBake(NamedTuple):
     gaussians: GaussianSum
     medium: SkinMedium
     incidence: Incidence | None
+    view: SkinView | None
 
 
 def baked_lights(bake: DirectBake, lights: Sequence[UnseenLight]) -> Tiles:
@@ -77,7 +81,9 @@ def baked_lights(bake: DirectBake, lights: Sequence[UnseenLight]) -> Tiles:
         bake.atlas, scene.mesh, scene.maps, spec.lights, spec.shadows, spec.specular,
         decisions.energy_conservation.enabled, environments, spec.output.seed, LIT_WITHIN, scene.occluder,
     )  # fmt: skip
-    made = scatter(spec, decisions, scene, bake.atlas, irradiance, bake.gaussians, bake.medium, bake.incidence)
+    made = scatter(
+        spec, decisions, scene, bake.atlas, irradiance, bake.gaussians, bake.medium, bake.incidence, view=bake.view
+    )
     alone = np.array([lobe.weight_rgb for lobe in made.lobes])
     weights = SkinWeights(alone, bake.gaussians.table, scene.maps)
     return {raster.tile: summed_lobes(made.lobes, weights, raster.tile, raster.shape) for raster in bake.atlas}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, Tiles, coarser_atlas, coarser_size
+from skinbake.atlas import Atlas, Tiles, coarser_atlas, signed_uv_area
 from skinbake.irradiance.environment_plan import all_around
 from skinbake.irradiance.environment_share import aim
 from skinbake.irradiance.occluder import Occluder
@@ -20,7 +20,7 @@ from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
 DIRECTIONS = 1024  # all around, half of them above a texel's horizon
-TEXEL_MM = 2.0  # of the small atlas; penumbras of what 25 textures can hold are a centimetre and more wide
+TEXEL_MM = 2.0  # of the small atlas, on average; penumbras of what 25 textures can hold are a centimetre and more wide
 SMALLEST = 64  # texels of its shorter side
 WHOLE = 255  # a share of 1
 SEEN_ORDER = 2  # of harmonics by which the oil knows what is open
@@ -53,16 +53,19 @@ class OpenSky:
     share: dict[int, NDArray[np.uint8]]
 
 
-def small_size(spec: SceneSpec, scene: SceneData, size: tuple[int, int]) -> tuple[int, int]:
-    """Width and height of an atlas whose texels are about `TEXEL_MM` wide, no larger than `size`.
+def small_size(scene: SceneData, size: tuple[int, int]) -> tuple[int, int]:
+    """Width and height of an atlas whose texels hold `TEXEL_MM`^2 of skin on average, a whole number of the full one's.
 
     Parameters
     ----------
-    spec : SceneSpec
     scene : SceneData
     size : (width, height)
+        Of the full texture, the largest that comes back.
     """
-    return coarser_size(scene.mesh, size, TEXEL_MM, SMALLEST)
+    texels = np.abs(signed_uv_area(scene.mesh)).sum() * size[0] * size[1]
+    full_mm = float(np.sqrt(scene.mesh.face_area_mm2.sum() / max(texels, 1e-12)))
+    coarser = max(1, min(round(TEXEL_MM / max(full_mm, 1e-6)), min(size) // SMALLEST))
+    return max(1, -(-size[0] // coarser)), max(1, -(-size[1] // coarser))
 
 
 def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], directions: int = DIRECTIONS) -> OpenSky:

@@ -65,6 +65,8 @@ class Scattering:
     ----------
     lines : list of Decision
         What was decided.
+    view : SkinView, optional
+        What the skin sees of itself, once light has come and where skin lights skin by enough.
     """
 
     def __init__(
@@ -87,7 +89,7 @@ class Scattering:
         self._weights, self._share = SkinWeights.of(gaussians, scene.maps), skin.share if skin else None
         self._no_probes = draw_probes(self._geometry, 0, 0)
         self._plans: tuple[LobePlan, ...] | None = None
-        self._view: SkinView | None = None
+        self.view: SkinView | None = None
         self._enough: tuple[int, float] = (1, 0.0)
         self._bounces: int | None = None
         self._through = spec.terms.transmission
@@ -140,7 +142,7 @@ class Scattering:
             receiving, texture = receivers(bounced, limits, self._atlas), spec.texture
             self._enough = terms.bounces_for(limits[0], bounced[0].rms)
             lines = [replace(line, error=receiving.error(each)) for line, each in zip(lines, bounced, strict=True)]
-            self._view = look_around(
+            self.view = look_around(
                 scene.mesh,
                 scene.occluder,
                 texture.size,
@@ -157,15 +159,15 @@ class Scattering:
 
     def _bounce(self, light: Tiles) -> None:
         """Add what skin sends on to skin."""
-        if self._view is None:
+        if self.view is None:
             return
         sent = [light[raster.tile] * colour for raster, colour in zip(self._atlas, self._reflected, strict=True)]
         again = [self._again * colour for colour in self._reflected]
         if self._bounces is None:
             # As many for every light of the basis, or their sum would not be the light's
-            even = bounced_light(self._view, [image[:1] for image in sent], again, *self._enough)
+            even = bounced_light(self.view, [image[:1] for image in sent], again, *self._enough)
             self._bounces = even.bounces
-        found = bounced_light(self._view, sent, again, self._bounces)
+        found = bounced_light(self.view, sent, again, self._bounces)
         for raster, small in zip(self._atlas, found.tiles, strict=True):
             for k, image in enumerate(light[raster.tile]):
                 add_at_full_size(self._again * small[k], raster, image)
@@ -215,11 +217,11 @@ class Scattering:
         self, through: Lobe | None, lobes: tuple[Lobe, ...], light: Tiles, names: tuple[str, ...]
     ) -> Lobe | None:
         """The same with what other skin gets of it."""
-        if through is None or self._thin is None or self._view is None or self._bounces is None:
+        if through is None or self._thin is None or self.view is None or self._bounces is None:
             return through
-        seen = [fitted(colour, r.shape) for colour, r in zip(self._reflected, self._view.atlas, strict=True)]
+        seen = [fitted(colour, r.shape) for colour, r in zip(self._reflected, self.view.atlas, strict=True)]
         gain, bounces = dict.fromkeys(names, self._again), dict.fromkeys(names, self._bounces)
-        skin_light = SkinLight(self._view, seen, gain, bounces)
+        skin_light = SkinLight(self.view, seen, gain, bounces)
         entered = SmallLight.of(light, self._thin)
         return sent_on(through, lobes, entered, names, skin_light, self._spec, self._scene, self._gaussians)
 

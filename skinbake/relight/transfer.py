@@ -122,7 +122,7 @@ def make_transfer(
         spec.specular, oil_table(spec.specular) if decisions.energy_conservation.enabled else NO_OIL, slant
     )
     say("relighting: tracing what is open to the sky")
-    small = at_texture_size(spec, small_size(spec, scene, full.texture.size))
+    small = at_texture_size(spec, small_size(scene, full.texture.size))
     sky = open_sky(full, scene, small.texture.size)
     say("relighting: choosing lights")
     basis, line = _choose(relight, scene, sky, passage, spec.output.seed)
@@ -141,7 +141,7 @@ def make_transfer(
     close = Decisions(decisions.energy_conservation, True, (), budget_of(judged))
     again = Scattering(judged, close, scene, sky.atlas, gaussians, medium, slant)
     compared = _scattered(again, sky.atlas, scene, sky, passage, basis, lambda _: None)
-    bake = DirectBake(judged, close, scene, sky.atlas, gaussians, medium, incidence if slant else None)
+    bake = DirectBake(judged, close, scene, sky.atlas, gaussians, medium, incidence if slant else None, again.view)
     error = judge_basis(bake, basis, compared, unseen_lights(spec.output.seed), say)
     # What they leave wrong is in the measured error, and no part of what lights of the look may be wrong by
     plan = tuple(replace(line, error=0.0) for line in lines)
