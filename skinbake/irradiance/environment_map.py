@@ -16,6 +16,7 @@ from skinbake.numerics import Float
 Image = NDArray[np.float32]
 NORMALS = 96  # octahedral table of unshadowed irradiance: 96 x 96 normals, read bilinearly
 SKY = (64, 128)  # blocks of a map, whose fluxes are summed up for that table
+AT_ONCE = 64  # normals
 
 
 def direction_of(u: Float, v: Float, rotate_deg: float = 0.0) -> Float:
@@ -142,7 +143,7 @@ def cosine_irradiance(radiance: Image, rotate_deg: float, normal: Float) -> Floa
     # A light on black is a few blocks of many, a grey sky one channel
     lit = np.ascontiguousarray(flux[flux[:, :3].any(axis=(1, 2)), :3])
     channels = 1 if (lit[:, :1] == lit).all() else 3
-    out = np.zeros((len(normal), channels))
+    out = np.empty((len(normal), channels))
     parallel_for(_convolve, len(normal), np.ascontiguousarray(normal, np.float64), lit, flux[:, 3].copy(), out)
     return np.repeat(out, 3 // channels, axis=1)
 
@@ -231,21 +232,29 @@ def _convolve(first: int, stop: int, normal: Float, flux: Float, even: Float, ou
     even : ndarray of shape (blocks, 3)
         Of radiance 1.
     out : ndarray of shape (n, 1) or (n, 3)
-        The first channel or all; added to: zeros.
+        The first channel or all; written.
     """
-    for i in range(first, stop):
-        total, x, y, z = 0.0, normal[i, 0], normal[i, 1], normal[i, 2]
+    channels = out.shape[1]
+    x, y, z, sums = np.empty(AT_ONCE), np.empty(AT_ONCE), np.empty(AT_ONCE), np.empty((channels + 1, AT_ONCE))
+    for begin in range(first, stop, AT_ONCE):  # many normals at a time, lest each addition waits for the one before
+        count = min(AT_ONCE, stop - begin)
+        for i in range(count):
+            x[i], y[i], z[i] = normal[begin + i, 0], normal[begin + i, 1], normal[begin + i, 2]
+        sums[:, :] = 0.0
         for j in range(len(even)):
-            c = x * even[j, 0] + y * even[j, 1] + z * even[j, 2]
-            if c > 0.0:
-                total += c
+            a, b, c = even[j, 0], even[j, 1], even[j, 2]
+            for i in range(count):
+                sent = x[i] * a + y[i] * b + z[i] * c
+                sums[channels, i] += sent if sent > 0.0 else 0.0
         for j in range(len(flux)):
-            for k in range(out.shape[1]):
-                c = x * flux[j, k, 0] + y * flux[j, k, 1] + z * flux[j, k, 2]
-                if c > 0.0:
-                    out[i, k] += c
-        for k in range(out.shape[1]):
-            out[i, k] *= np.pi / total
+            for k in range(channels):
+                a, b, c = flux[j, k, 0], flux[j, k, 1], flux[j, k, 2]
+                for i in range(count):
+                    sent = x[i] * a + y[i] * b + z[i] * c
+                    sums[k, i] += sent if sent > 0.0 else 0.0
+        for i in range(count):
+            for k in range(channels):
+                out[begin + i, k] = sums[k, i] * (np.pi / sums[channels, i])
 
 
 @kernel
