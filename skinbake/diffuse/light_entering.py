@@ -438,4 +438,5 @@ def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> Image:
     """
     if raster.tile not in maps.albedo:
         return np.array(maps.albedo_rgb, np.float32).reshape(1, 1, 3)
-    return np.maximum(sample_map(raster, mesh, maps.albedo, maps.albedo_rgb), 0)
+    image = sample_map(raster, mesh, maps.albedo, maps.albedo_rgb)
+    return np.maximum(image, 0, out=image)

@@ -85,6 +85,7 @@ def scatter(
     """
     tell = say or (lambda text: None)
     tell("light that enters the skin")
+    return_freed()  # tracing takes other arrays
     skin = VaryingSkin.of(gaussians, scene.maps, atlas)
     entered = base or EnteredSkin(gaussians, medium, incidence)
     entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered, aside, view)

@@ -22,7 +22,7 @@ from skinbake.atlas import (
     tile_of_face,
     tiles_of,
 )
-from skinbake.atlas.sample import bilinear, texels_around
+from skinbake.atlas.sample import texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.terms.far_side import FarSide, slant_factors
@@ -224,40 +224,81 @@ def _gather(
     for i, lobe in enumerate(diffused.lobes):
         of = of_lobe(i)
         for tile, pick, local in places:
-            for light, factor in enumerate(of.factor):  # one at a time: as floats all would be twice as large again
-                image = np.asarray(lobe.rgb[tile][light : light + 1], np.float32)
-                mine = of._replace(factor=factor[None])
-                parallel_for(_add_bilinear, len(pick), image, local, pick, mine, out[light : light + 1])
+            stored = lobe.rgb[tile]
+            around = _Around(np.empty((len(pick), 4), np.int64), np.empty((len(pick), 2)))
+            parallel_for(_look_around, len(pick), local, stored.shape[1], stored.shape[2], around)
+            for light, image in enumerate(stored):
+                # Few texels of many, which may be halves
+                texels = image.reshape(-1, 3)[around.flat].astype(np.float32)
+                mine = of._replace(factor=of.factor[light])
+                parallel_for(_add_bilinear, len(pick), texels, around.share, pick, mine, out[light])
         rest()
     return out
 
 
+class _Around(NamedTuple):
+    """The four texels around n places, as `texels_around` has them.
+
+    Attributes
+    ----------
+    flat : ndarray of shape (n, 4), int64
+        row * w + col of the two of the upper row, then of the lower one.
+    share : ndarray of shape (n, 2)
+        Of the lower row, and of the right column.
+    """
+
+    flat: Index
+    share: Float
+
+
 @kernel
-def _add_bilinear(first, stop, image, uv, pick, of, out):  # type: ignore[no-untyped-def]
+def _look_around(first, stop, uv, height, width, out):  # type: ignore[no-untyped-def]
+    """Texels around places of the texture.
+
+    Parameters
+    ----------
+    first, stop : int
+        Places.
+    uv : ndarray of shape (n, 2)
+        Within the tile.
+    height, width : int
+        Of the texture.
+    out : _Around
+        Written.
+    """
+    for n in range(first, stop):
+        y0, y1, fy, x0, x1, fx = texels_around(uv[n, 0], uv[n, 1], height, width)
+        out.flat[n, 0], out.flat[n, 1] = y0 * width + x0, y0 * width + x1
+        out.flat[n, 2], out.flat[n, 3] = y1 * width + x0, y1 * width + x1
+        out.share[n, 0], out.share[n, 1] = fy, fx
+
+
+@kernel
+def _add_bilinear(first, stop, texels, share, pick, of, out):  # type: ignore[no-untyped-def]
     """Add weighted light of a lobe, read bilinearly, at places of the texture.
 
     Parameters
     ----------
     first, stop : int
         Places.
-    image : ndarray of shape (L, h, w, 3)
-    uv : ndarray of shape (n, 2)
-        Within the tile.
+    texels : ndarray of shape (n, 4, 3), float32
+        Around each.
+    share : ndarray of shape (n, 2)
+        As in `_Around`.
     pick : ndarray of shape (n,)
         Row of `of` and of `out` that each place has.
     of : _OfLobe
-        Of all places.
-    out : ndarray of shape (L, all, 3)
+        Of all places; its `factor` is the light's, (all, 3).
+    out : ndarray of shape (all, 3)
         Added to.
     """
-    lights, height, width = image.shape[:3]
     for n in range(first, stop):
-        around = texels_around(uv[n, 0], uv[n, 1], height, width)
-        at = pick[n]
-        for light in range(lights):
-            for c in range(3):
-                weight = of.weight[at, c] * of.factor[light, at, c] - of.less[at, c]
-                out[light, at, c] += weight * bilinear(image[light], c, around)
+        at, fy, fx = pick[n], share[n, 0], share[n, 1]
+        for c in range(3):
+            top = texels[n, 0, c] * (1.0 - fx) + texels[n, 1, c] * fx
+            bottom = texels[n, 2, c] * (1.0 - fx) + texels[n, 3, c] * fx
+            weight = of.weight[at, c] * of.factor[at, c] - of.less[at, c]
+            out[at, c] += weight * (top * (1.0 - fy) + bottom * fy)
 
 
 def _reflected(
