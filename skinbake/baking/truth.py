@@ -17,8 +17,9 @@ from skinbake.atlas import tile_of_face
 from skinbake.atlas.texel_coordinates import local_uv, texel_xy
 from skinbake.baking.bake_look import bake_look
 from skinbake.baking.session import BakeSession
-from skinbake.baking.truth_radius import WidthOfSkin
+from skinbake.baking.truth_maps import WALKED, VaryingSkin
 from skinbake.bilinear import read_bilinear
+from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.errors import InputError, ToleranceMissedError
 from skinbake.io.atomic import temporary_folder
 from skinbake.io.bake_folder import read_bake_folder
@@ -34,13 +35,15 @@ from skinbake.irradiance.decide import decide
 from skinbake.irradiance.oil_albedo import oil_table, transmitted_share
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.numerics import Float
+from skinbake.profile.spectrum import WAVELENGTH_NM
 from skinbake.progress import Progress
 from skinbake.scene.map_files import MapsSpec
-from skinbake.scene.maps import OF_SKIN
 from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.skin import PhysiologySkin
 from skinbake.scene.spec import SceneSpec, TexturingSpec
 from skinbake.transport.closed import refuse_open
-from skinbake.transport.light_leaving import ESTIMATES, light_leaving
+from skinbake.transport.light_leaving import ESTIMATES, light_leaving, medium_for_walks
+from skinbake.transport.medium import SkinLayers
 from skinbake.transport.medium_of_skin import medium_of_skin
 from skinbake.transport.model_error import GroupError, TermShare, model_error, term_share
 from skinbake.transport.points import TruthPoints, draw_points
@@ -53,27 +56,27 @@ SWITCHES = ("energy_conservation",)  # terms that both sides share, so that swit
 
 
 def bare_look(spec: SceneSpec) -> SceneSpec:
-    """The look that walks in one medium can be compared with, the same one where it is so already.
+    """The look that walks can be compared with, the same one where it is so already.
 
-    Without maps but that of the profile's width, of the medium's own colour, each light by itself; baked beside the
-    look where that differs.
+    Without maps but those of the skin's width, melanin and blood, of the medium's own colour, each light by itself;
+    baked beside the look where that differs.
 
     Raises
     ------
     InputError
-        Its maps vary the skin by more than its width.
+        Not all of the light scatters.
     """
-    varied = [f"maps.{name}" for name in OF_SKIN if name != "radius" and getattr(spec.maps, name) is not None]
-    if varied or spec.skin.scatter < 1:
-        what = varied[0] if varied else "skin.scatter"
+    if spec.maps.scatter is not None or spec.skin.scatter < 1:
+        what = "maps.scatter" if spec.maps.scatter is not None else "skin.scatter"
         raise InputError(
-            f"truth: expected skin that varies by maps.radius alone, got {what}: walks know one medium, which may be "
-            "denser here than there; leave it out"
+            f"truth: expected skin in which all light scatters, got {what}: what leaves where it arrives is no light "
+            "that can be followed through a medium; leave it out"
         )
+    skin = {"normalise": "none"} | ({"albedo": None} if isinstance(spec.skin, PhysiologySkin) else {})
     bare = spec.model_copy(
         update={
-            "maps": MapsSpec(albedo_rgb=(1.0, 1.0, 1.0), radius=spec.maps.radius),
-            "skin": spec.skin.model_copy(update={"normalise": "none"}),
+            "maps": MapsSpec(albedo_rgb=(1.0, 1.0, 1.0), **{name: getattr(spec.maps, name) for name in WALKED}),
+            "skin": spec.skin.model_copy(update=skin),
             "texturing": TexturingSpec(),
             "output": spec.output.model_copy(update={"lights": "separate", "tx": False}),
         }
@@ -108,15 +111,20 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         The mesh is open, or the skin has no medium that light could be followed through.
     """
     look, progress = bare_look(spec), Progress(verbosity > 0)
-    varies, density, changes = look.maps.radius is not None, None, None
-    medium = medium_of_skin(look.skin.model_copy(update={"radius": 1.0}) if varies else look.skin)
+    varies = [name for name in WALKED if getattr(look.maps, name) is not None]
+    skin = look.skin.model_copy(update={"radius": 1.0}) if "radius" in varies else look.skin
+    layers = medium_of_skin(skin, varies)
     with progress.task("reading the mesh"):
         scene = read_scene(look, rays=False)
         refuse_open(scene.mesh, look.mesh.path)
         rays = SurfaceRays(smooth_surface(scene.mesh))
+        grid, changes = None, None
+        quantities: tuple[str, ...] = ()
         if varies:
-            width = WidthOfSkin.of(scene.mesh, scene.maps, rays.rays.centre_mm, look.skin.radius)
-            density, changes = width.density(), width.changes
+            constants = {name: getattr(look.skin, name) for name in varies}
+            varying = VaryingSkin.of(scene.mesh, scene.maps, rays.rays.centre_mm, constants)
+            (grid, quantities), changes = varying.grid(), varying.changes
+        medium = medium_for_walks(rays, layers, grid, quantities)
         at = draw_points(scene.mesh, rays, look.lights, points, look.output.seed, changes)
     share = None
     if decide(look).energy_conservation.enabled:
@@ -125,8 +133,8 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
 
     folder = Path(look.output.dir)
     key = key_of(
-        code_digest("skinbake.transport.light_leaving", "skinbake.transport.points", "skinbake.baking.truth_radius"),
-        input_hashes(look), look.mesh.model_dump(), look.maps.radius and look.maps.radius.model_dump(),
+        code_digest("skinbake.transport.light_leaving", "skinbake.transport.points", "skinbake.baking.truth_maps"),
+        input_hashes(look), look.mesh.model_dump(), look.maps.model_dump(include=set(WALKED)),
         [light.model_dump() for light in look.lights], look.shadows, look.skin.model_dump(), points, walks,
         look.output.seed, None if share is None else share.tolist(),
     )  # fmt: skip
@@ -152,7 +160,6 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
                 found = light_leaving(
                     rays, medium, look.lights, at.face[first:last], at.barycentric[first:last], walks,
                     look.output.seed, look.shadows, share, scene.environments, first, one_done,
-                    density=density,
                 )  # fmt: skip
                 mean[:, first:last], stderr[:, first:last], done[first:last] = found.mean, found.stderr, True
             task.note = f"{int(done.sum())} of {count} points"
@@ -175,12 +182,7 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         split[term] = term_share(baked.sum(axis=1), *totals, at.weight, at.groups)
     truth = {
         "version": skinbake.__version__,
-        "medium": {
-            "sigma_a_per_mm": medium.sigma_a_per_mm.tolist(),
-            "sigma_s_per_mm": medium.sigma_s_per_mm.tolist(),
-            "g": medium.g,
-            "eta": medium.eta,
-        },
+        "medium": _described(layers),
         "walks": walks,
         "seed": look.output.seed,
         "lights": [light.name for light in look.lights],
@@ -197,6 +199,24 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         if (bake / MANIFEST).is_file() and transport_digest(read_manifest(bake)) == model["of"]:
             _put_model(bake, model)
     return truth
+
+
+def _described(skin: SkinLayers) -> dict[str, Any]:
+    """Media as truth.json has them: one as it is, several as a list from the top down."""
+    layers = []
+    for medium, thickness, pigment in zip(skin.layers, skin.thickness_mm, skin.pigments, strict=True):
+        layer = {
+            "sigma_a_per_mm": medium.sigma_a_per_mm.tolist(),
+            "sigma_s_per_mm": medium.sigma_s_per_mm.tolist(),
+            "g": medium.g,
+            "eta": medium.eta,
+        }
+        if pigment is not None:
+            layer |= {"map": pigment.name, "sigma_a_per_mm_of_map": pigment.sigma_a_per_mm.tolist()}
+        layers.append(layer if len(skin.layers) == 1 else layer | {"thickness_mm": thickness})
+    layers[-1].pop("thickness_mm", None)  # JSON has no infinity
+    found: dict[str, Any] = layers[0] if len(layers) == 1 else {"layers": layers}
+    return found if skin.to_rgb is None else found | {"wavelength_nm": WAVELENGTH_NM.tolist()}
 
 
 def _runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
@@ -258,15 +278,21 @@ def light_baked(folder: Path, mesh: SkinMesh, at: TruthPoints) -> Float:
     lights = len(scene.lights)
     weight = np.concatenate([1 - at.barycentric.sum(axis=1, keepdims=True), at.barycentric], axis=1)
     uv = np.einsum("pk,pki->pi", weight, mesh.corner_uv[at.face])
+    tile = tile_of_face(mesh)[at.face]
+    place = np.empty((len(uv), 2))
+    for number in np.unique(tile).tolist():
+        local = local_uv(uv[tile == number], number)
+        place[tile == number] = np.stack(texel_xy(local[:, 0], local[:, 1], 1, 1)[::-1], axis=1)
     total = np.zeros((len(uv), lights, 3))
     several = len(next(iter(scene.lobes)).rgb) > 1
-    for lobe in scene.lobes:
-        for tile, image in lobe.rgb.items():
-            mine = np.flatnonzero(tile_of_face(mesh)[at.face] == tile) if several else np.arange(len(uv))
-            local = local_uv(uv[mine], tile)
-            place = np.stack(texel_xy(local[:, 0], local[:, 1], 1, 1)[::-1], axis=1)
-            values = read_bilinear(np.asarray(image, np.float32), place).reshape(-1, lights, 3)
-            total[mine] += values * np.asarray(lobe.weight_rgb)
+    # Of skin that varies each Gaussian counts by what the maps say at the point
+    weights = SkinWeights(np.array([lobe.weight_rgb for lobe in scene.lobes]), scene.table, scene.maps)
+    for lobe, weight in zip(scene.lobes, weights.at(tile, place), strict=True):
+        each = np.broadcast_to(weight, (len(uv), 3))[:, None]
+        for number, image in lobe.rgb.items():
+            mine = np.flatnonzero(tile == number) if several else np.arange(len(uv))
+            values = read_bilinear(np.asarray(image, np.float32), place[mine]).reshape(-1, lights, 3)
+            total[mine] += values * each[mine]
     return total
 
 

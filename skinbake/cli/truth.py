@@ -35,8 +35,8 @@ def command(
 ) -> None:
     """Measure how far the bake of CONFIG is from light transport: random walks inside the closed mesh.
 
-    Maps but maps.radius are left out on both sides and the skin keeps its medium's colour. Walks that were done are
-    kept: a command that was stopped goes on where it was.
+    Maps but those of the skin's width, melanin and blood are left out on both sides, and the skin keeps its medium's
+    colour. Walks that were done are kept: a command that was stopped goes on where it was.
     """
     from skinbake.baking.truth import bare_look, measure_truth
     from skinbake.io.config import load_look

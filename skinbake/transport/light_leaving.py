@@ -14,21 +14,14 @@ from skinbake.irradiance.smooth_surface import descend
 from skinbake.kernels.threads import thread_count
 from skinbake.numerics import Float
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
-from skinbake.transport.density import DensityGrid
-from skinbake.transport.medium import TransportMedium
+from skinbake.transport.depth import depth_grid
+from skinbake.transport.medium import SkinLayers, TransportMedium
+from skinbake.transport.skin_grid import SkinGrid
 from skinbake.transport.surface_rays import SurfaceRays
-from skinbake.transport.walk import (
-    HARD,
-    PUNCTUAL,
-    RECTANGLE,
-    SKY,
-    THROUGH,
-    WHOLE,
-    SkinPoint,
-    WalkLights,
-    WalkMedium,
-    walk_from,
-)
+from skinbake.transport.walk import walk_from
+from skinbake.transport.walk_light import PUNCTUAL, RECTANGLE, SKY
+from skinbake.transport.walk_medium import DENSITY, WalkMedium, walk_medium
+from skinbake.transport.walk_scene import HARD, THROUGH, WHOLE, SkinPoint, WalkLights
 
 GROUPS = 16  # of walks, each over a lattice of its own: their spread is the standard error
 ESTIMATES = {"hard": HARD, "through": THROUGH, "whole": WHOLE}
@@ -50,7 +43,7 @@ class LightLeaving:
 
 def light_leaving(
     skin: SurfaceRays,
-    medium: TransportMedium,
+    medium: TransportMedium | SkinLayers | WalkMedium,
     lights: Sequence[LightSpec],
     face: NDArray[np.int32],
     barycentric: Float,
@@ -62,7 +55,6 @@ def light_leaving(
     first: int = 0,
     progress: Callable[[int], None] | None = None,
     threads: int | None = None,
-    density: DensityGrid | None = None,
 ) -> LightLeaving:
     """Walk from points of a closed surface; theory.md 9.2.
 
@@ -70,8 +62,8 @@ def light_leaving(
     ----------
     skin : SurfaceRays
         Of a closed surface; see `refuse_open`.
-    medium : TransportMedium
-        What fills it.
+    medium : TransportMedium, SkinLayers or WalkMedium
+        What fills it; the last is made once for many calls, or varies by maps.
     face : ndarray of shape (P,)
         Face of the mesh that the surface was made of.
     barycentric : ndarray of shape (P, 2)
@@ -91,8 +83,6 @@ def light_leaving(
         Told the number of points that are done, from any thread.
     threads : int, optional
         Results do not depend on it.
-    density : DensityGrid, optional
-        Factor on the medium's coefficients from place to place.
 
     Raises
     ------
@@ -106,7 +96,7 @@ def light_leaving(
     if walks < 1:
         raise ValueError(f"walks: expected at least 1, got {walks}")
     position, normal = points_of(skin, face, barycentric)
-    kernel_medium = WalkMedium(medium.sigma_t_per_mm, medium.albedo, float(medium.g), float(medium.eta), density)
+    kernel_medium = medium if isinstance(medium, WalkMedium) else medium_for_walks(skin, medium)
     kernel_lights, unit = _lights(lights, skin.rays.centre_mm, shadows, share, environments or {})
     each = -(-walks // GROUPS)
     found = np.zeros((len(face), GROUPS, 3, len(lights), 3))
@@ -125,6 +115,34 @@ def light_leaving(
     mean = found.mean(axis=1)
     stderr = found.std(axis=1, ddof=1) / np.sqrt(GROUPS)
     return LightLeaving(mean.swapaxes(0, 1), stderr.swapaxes(0, 1))
+
+
+def medium_for_walks(
+    skin: SurfaceRays,
+    medium: TransportMedium | SkinLayers,
+    grid: SkinGrid | None = None,
+    quantities: tuple[str, ...] = (),
+) -> WalkMedium:
+    """Media as walks inside a surface meet them.
+
+    Parameters
+    ----------
+    skin : SurfaceRays
+    medium : TransportMedium or SkinLayers
+    grid, quantities
+        As of `walk_medium`.
+
+    Raises
+    ------
+    ValueError
+        If the grid lacks a pigment of the layers.
+    """
+    layers = SkinLayers.of_one(medium) if isinstance(medium, TransportMedium) else medium
+    depth = None
+    if len(layers.layers) > 1:
+        thin = float(grid.least[quantities.index(DENSITY)]) if grid is not None and DENSITY in quantities else 1.0
+        depth = depth_grid(skin, layers.outer_mm / thin)
+    return walk_medium(layers, grid, quantities, depth)
 
 
 def points_of(skin: SurfaceRays, face: NDArray[np.int32], barycentric: Float) -> tuple[Float, Float]:

@@ -106,7 +106,8 @@ def draw_points(
     wanted = [min(len(mine), round(share * count)) for mine, share in zip(members, shares, strict=False)]
     of_changes = [min(len(mine), round(OF_CHANGES * count)) for mine in members[4:]]
     wanted.append(min(len(members[3]), count - sum(wanted) - sum(of_changes)))
-    wanted += of_changes
+    # Where hardly anything is even, changes get the rest
+    wanted += [min(len(mine), count - sum(wanted)) for mine in members[4:]]
     chosen = np.concatenate([mine[:n] for mine, n in zip(members, wanted, strict=True)])
     stands_for = np.concatenate([np.full(n, len(mine) / max(n, 1)) for mine, n in zip(members, wanted, strict=True)])
     order = np.argsort(chosen)  # along the mesh: neighbours share what the processor has in its caches

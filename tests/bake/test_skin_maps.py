@@ -251,10 +251,10 @@ def test_relighting_knows_the_table(plane, monkeypatch):
     assert apart(bake.relight(environment=np.ones((8, 16, 3), np.float32)), bake.radiant_exitance()) < 0.02
 
 
-def test_walks_refuse_skin_that_varies_in_more_than_its_width(plane):
+def test_walks_know_width_and_pigments_but_refuse_light_that_does_not_scatter(plane):
     assert bare_look(plane({"radius": "steps.exr"}, FEW).look).maps.radius is not None
     look = plane({"radius": "steps.exr", "scatter": "share.exr"}, FEW).look
-    with pytest.raises(InputError, match=r"truth: expected skin that varies by maps\.radius alone, got maps\.scatter"):
+    with pytest.raises(InputError, match=r"truth: expected skin in which all light scatters, got maps\.scatter"):
         bare_look(look)
 
 

@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from skinbake import open_bake
+from skinbake.bilinear import read_bilinear
 from skinbake.cli import run
 from skinbake.io.exr import Part, write_parts
 from skinbake.io.mesh import write_obj
@@ -88,7 +90,14 @@ def test_maps_are_left_out_in_a_folder_of_their_own(look, capsys):
     ("overrides", "reason"),
     [
         (["skin={preset: gpugems3-six-gaussians}"], "gives a profile and no medium"),
-        (["skin={preset: donner-three-layer}"], "3 different layers"),
+        (
+            [
+                "skin={layers: [{sigma_a_per_mm: 1, sigma_sp_per_mm: 9, thickness_mm: 0.2, eta: 1.3}, "
+                "{sigma_a_per_mm: 1, sigma_sp_per_mm: 5}]}"
+            ],
+            "indices of refraction 1.3, 1.4",
+        ),
+        (["skin.scatter=0.5"], "got skin.scatter"),
         (["skin.sigma_sp_per_mm=0.001", "skin.sigma_a_per_mm=0.001"], "too clear"),
     ],
 )
@@ -118,12 +127,21 @@ def test_a_skin_whose_width_varies_is_walked_and_baked(look, capsys):
         np.testing.assert_allclose(one["M"], other["M"], rtol=1e-4, atol=1e-6)
         np.testing.assert_allclose(one["M_bake"], other["M_bake"], rtol=1e-3, atol=1e-5)
 
-    step = np.where(np.arange(64) < 32, 0.5, 1.5).astype(np.float32)
-    write_parts(look.parent / "step.exr", [Part("", {"Y": np.tile(step, (64, 1))})], precision="float")
-    error = measure("step", "--set", f"maps.radius={look.parent / 'step.exr'}")["error"]
+    widths = np.where(np.arange(64) < 32, 0.5, 1.5).astype(np.float32)
+    write_parts(look.parent / "step.exr", [Part("", {"Y": np.tile(widths, (64, 1))})], precision="float")
+    wide = "skin.sigma_a_per_mm=[0.064, 0.34, 0.96]", "skin.sigma_sp_per_mm=[1.5, 1.8, 2.0]"
+    step = measure("step", *(f"--set={each}" for each in (f"maps.radius={look.parent / 'step.exr'}", *wide)))
+    error = step["error"]
     assert error["skin changes"]["points"] >= 3
     assert error["skin even"]["points"] >= 1
     assert max(error["skin changes"]["rms_rgb"]) < 0.5
+    # What the bake is taken to give off is what it says itself, by the weights of each place
+    mesh, image = sphere(20.0, "cube", 48), open_bake(look.parent / "step").radiant_exitance()
+    for sample, other in zip(step["samples"][::2], step["samples"][1::2], strict=True):
+        b1, b2 = sample["barycentric"]
+        u, v = np.array([1 - b1 - b2, b1, b2]) @ mesh.corner_uv[sample["face"]]
+        want = read_bilinear(image[None], np.array([[1 - v, u]]))[0]
+        np.testing.assert_allclose(np.add(sample["M_bake"], other["M_bake"]), want, rtol=0.01, atol=0.01)
 
 
 def test_an_open_mesh_is_refused_with_its_name(look, capsys):

@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from skinbake.profile.chandrasekhar import half_space_diffuse_reflectance, half_space_reflectance
-from skinbake.transport.density import DensityGrid, density_grid
-from skinbake.transport.light_leaving import light_leaving
+from skinbake.transport.light_leaving import light_leaving, medium_for_walks
 from skinbake.transport.medium import TransportMedium
+from skinbake.transport.skin_grid import SkinGrid, skin_grid
+from skinbake.transport.walk_medium import DENSITY
 from tests.transport.solids import box, on_top, rays_of
 from tests.transport.test_light_leaving import COSINES, HARD, SKIN, THROUGH, WHOLE, agree, pooled, sky, sun
 
@@ -15,17 +16,19 @@ from tests.transport.test_light_leaving import COSINES, HARD, SKIN, THROUGH, WHO
 def by_depth(of):
     """A grid whose density below z = 0 is a function of the depth alone."""
     depth = np.arange(0, 330, 0.25)
-    value = np.broadcast_to(of(depth)[::-1].astype(np.float32), (2, 2, len(depth))).copy()
-    return DensityGrid(value, np.array([0.0, 0.0, -depth[-1]]), 0.25, float(value.min()), float(value.max()))
+    value = np.broadcast_to(of(depth)[::-1].astype(np.float32), (2, 2, len(depth))).copy()[..., None]
+    return SkinGrid(value, np.array([0.0, 0.0, -depth[-1]]), 0.25, np.array([value.min()]), np.array([value.max()]))
 
 
 def half_space(density, lights, points=4, walks=192, seed=5):
     mesh = box([-300, -300, -300], [300, 300, 0])
     face, place = on_top(mesh, np.zeros(points), np.full(points, 20.0))
     rays = rays_of(mesh)
+    medium = TransportMedium(*SKIN)
     if density is not None:  # the rays' own origin
         density = density._replace(low_mm=density.low_mm - rays.rays.centre_mm)
-    return light_leaving(rays, TransportMedium(*SKIN), lights, face, place, walks, seed, density=density)
+        medium = medium_for_walks(rays, medium, density, (DENSITY,))
+    return light_leaving(rays, medium, lights, face, place, walks, seed)
 
 
 def test_the_same_density_everywhere_changes_no_walk():
@@ -51,13 +54,13 @@ def test_a_grid_holds_the_density_of_the_nearest_skin():
     x, y = np.meshgrid(np.arange(-10, 10.1, 0.25), np.arange(-5, 5.1, 0.25))
     place = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     place = np.concatenate([place, place - [0, 0, 30]])
-    grid = density_grid(place, np.where(place[:, 0] < 0, 0.5, 2.0), 0.5)
+    grid = skin_grid(place, np.where(place[:, :1] < 0, 0.5, 2.0), 0.5)
     index = lambda *at: tuple(np.round((np.array(at) - grid.low_mm) / grid.cell_mm).astype(int))  # noqa: E731
     assert grid.value[index(-3, 0, -2)] == 0.5
     assert grid.value[index(3, 0, -2)] == 2.0
     assert grid.value[index(-0.6, 0, -2)] == 0.5
     assert grid.value[index(0.6, 0, -2)] == 2.0
     assert grid.value[index(3, 0, -15)] == 2.0
-    assert (grid.least, grid.most) == (0.5, 2.0)
+    assert (grid.least[0], grid.most[0]) == (0.5, 2.0)
     assert grid.cell_mm == 0.5
     assert math.prod(grid.value.shape) < 1e6
