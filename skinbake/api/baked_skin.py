@@ -323,7 +323,7 @@ class BakedSkin:
         sky = None if environment is None else sky_of(environment)
         amount = light_coefficients(transfer.basis, sky, checked_turn(rotate_deg), checked_suns(suns))
         width, height = self.look.texture.size
-        total = magnify_bilinear(relit(transfer.textures[tile], amount), (height, width))
+        total = magnify_bilinear(relit(transfer.textures[tile], transfer.basis, amount), (height, width))
         after = 1 - self.look.texturing.exponent_before
         return total * self._pixels.albedo(tile) ** np.float32(after) if after else total
 

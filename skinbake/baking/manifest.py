@@ -50,7 +50,7 @@ def relight_record(transfer: Transfer | None) -> dict[str, Any] | None:
     if transfer is None:
         return None
     error = {kind: each.rms for kind, each in transfer.error.items()}
-    return {"file": RELIGHT[-1], "basis": transfer.basis.kind, "textures": len(transfer.basis), "rms": error}
+    return {"file": RELIGHT[-1], "basis": transfer.basis.kind, "textures": transfer.basis.textures, "rms": error}
 
 
 def _other_errors(inputs: BakeInputs, baked: Baked) -> dict[str, Any]:

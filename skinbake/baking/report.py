@@ -39,7 +39,7 @@ def report(log: StageLog, baked: Baked, model: Mapping[str, Any] | None = None, 
     if lost:
         log.say(f"  the texture size's error, against the size asked for: {lost:.2%}, estimated", 2)
     if baked.relight:
-        count, kind, (width, height) = len(baked.relight.basis), baked.relight.basis.kind, baked.relight.judged_at
+        count, kind, (width, height) = baked.relight.basis.textures, baked.relight.basis.kind, baked.relight.judged_at
         log.say(f"  relighting by {count} textures ({kind}), against bakes of lights unseen at {width} x {height}:")
         for name, error in baked.relight.error.items():
             log.say(f"    {error.sentence(name)}")

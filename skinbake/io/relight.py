@@ -19,7 +19,7 @@ from skinbake.io.exr import Part, channel_of, read_parts, rgb_channels, write_pa
 from skinbake.io.irradiance import tile_path
 from skinbake.io.output_names import RELIGHT
 from skinbake.io.record import Record, read_record
-from skinbake.relight.basis import LightBasis
+from skinbake.relight.basis import EACH, LightBasis
 from skinbake.relight.light_error import KindError
 from skinbake.relight.transfer import Transfer
 from skinbake.scene.decision import Decision
@@ -28,7 +28,9 @@ from skinbake.stored_precision import as_stored
 TEXTURES, VISIBILITY, USE = RELIGHT
 MOST = 1e6  # a thousand times what light of radiance 1 is on any skin; NaN is not below it
 PROJECTION = (
-    "A light is c_k = sum_j of_harmonics[k][j] h_j a channel, and M = max(0, sum_k c_k basis.k). h_j of a sky is the "
+    "A light is c_k = sum_j of_harmonics[k][j] h_j a channel, and M = max(0, sum_k c_k T_k). T_k of the first "
+    "in_colour lights is the part basis.k; of the others a channel of a part grey, as `parts` says, times the tint, "
+    "which is basis.00 over the mean of its three channels. h_j of a sky is the "
     "integral of radiance times Y_j, of a sun its irradiance times Y_j towards it (where it comes from). Y_j are real "
     "and orthonormal over the sphere, j = l^2 + l + m, pole +y, azimuth from +z towards +x; m > 0 with cos(m azimuth), "
     "m < 0 with sin(|m| azimuth), no Condon-Shortley phase. L = M / pi; what of the albedo comes after scattering is "
@@ -53,6 +55,7 @@ class _Use(Record):
 
     basis: str
     textures: Annotated[int, Field(ge=1)]
+    in_colour: int | None = None  # of all lights, where it is not there
     key: str
     files: dict[str, str] = Field(min_length=1)
     visibility: dict[str, str] = Field(min_length=1)
@@ -63,9 +66,10 @@ class _Use(Record):
     plan: list[dict[str, Any]]
 
 
-def part_name(index: int) -> str:
-    """Name of the part of a texture."""
-    return f"basis.{index:02d}"
+def parts_of(basis: LightBasis) -> dict[str, list[int]]:
+    """Parts of relight.exr, and which lights each holds: one in colour, or three that are grey, in R, G and B."""
+    coloured = {f"basis.{k:02d}": [k] for k in range(basis.in_colour)}
+    return coloured | {f"grey.{k:02d}": [k, k + 1, k + 2] for k in range(basis.in_colour, len(basis), EACH)}
 
 
 def write_transfer(
@@ -99,7 +103,8 @@ def write_transfer(
     """
     files = {tile: tile_path(folder / TEXTURES, tile, udim) for tile in transfer.textures}
     for tile, textures in transfer.textures.items():
-        parts = [Part(part_name(k), rgb_channels(image)) for k, image in enumerate(textures)]
+        names = parts_of(transfer.basis)
+        parts = [Part(name, rgb_channels(image)) for name, image in zip(names, textures, strict=True)]
         write_parts(files[tile], parts, dict(attributes) | {"skinbake:key": key}, precision, compression)
     for tile, seen in transfer.visibility.items():
         parts = [Part(f"visibility.{k}", rgb_channels(image)) for k, image in enumerate(seen)]
@@ -109,7 +114,8 @@ def write_transfer(
     basis = transfer.basis
     record = {
         "basis": basis.kind,
-        "textures": len(basis),
+        "textures": basis.textures,
+        "in_colour": basis.in_colour,
         "version": skinbake.__version__,
         "key": key,
         "files": {str(tile): path.name for tile, path in files.items()},
@@ -119,6 +125,7 @@ def write_transfer(
         "judged_at": list(transfer.judged_at),
         "plan": [line.record() for line in transfer.plan],
         "projection": PROJECTION,
+        "parts": parts_of(basis),
         "order": basis.order,
         "of_harmonics": basis.of_harmonics.tolist(),
     }
@@ -131,6 +138,7 @@ def transfer_entry(transfer: Transfer) -> dict[str, NDArray[Any]]:
     """A transfer as the cache holds it."""
     use = {
         "basis": transfer.basis.kind,
+        "grey": transfer.basis.grey,
         "error": {kind: error.record() for kind, error in transfer.error.items()},
         "judged_at": list(transfer.judged_at),
         "plan": [line.record() for line in transfer.plan],
@@ -148,7 +156,7 @@ def transfer_of_entry(entry: Mapping[str, NDArray[Any]]) -> Transfer:
     matrix = entry["of_harmonics"]
     tiles = [int(name.partition(".")[0]) for name in entry if name.endswith(".textures")]
     return Transfer(
-        LightBasis(use["basis"], matrix, np.zeros((matrix.shape[1], 0))),
+        LightBasis(use["basis"], matrix, np.zeros((matrix.shape[1], 0)), use["grey"]),
         {tile: entry[f"{tile}.textures"] for tile in tiles},
         {tile: entry[f"{tile}.visibility"] for tile in tiles},
         {kind: KindError(**each) for kind, each in use["error"].items()},
@@ -158,7 +166,7 @@ def transfer_of_entry(entry: Mapping[str, NDArray[Any]]) -> Transfer:
 
 
 def stored_transfer(transfer: Transfer, precision: str) -> Transfer:
-    """A transfer as its files give it back, textures as (K, H, W, 3) rounded."""
+    """A transfer as its files give it back, textures as (T, H, W, 3) rounded."""
     rounded = {tile: as_stored(textures, precision) for tile, textures in transfer.textures.items()}
     seen = {tile: as_stored(image, "half") for tile, image in transfer.visibility.items()}
     return Transfer(transfer.basis, rounded, seen, transfer.error, transfer.judged_at, transfer.plan)
@@ -197,21 +205,28 @@ def transfer_of(folder: Path, tiles: bool = True) -> Transfer:
         plan = tuple(Decision.from_record(line) for line in use["plan"])
     except (ValueError, TypeError, KeyError, IndexError) as fault:
         raise InputError(f"{folder / USE}: expected what a bake wrote, got: {fault}; bake it again") from fault
-    if len(matrix) != use["textures"]:
+    lights = use["textures"]
+    if use["in_colour"] is not None:
+        if not 1 <= use["in_colour"] <= lights:
+            raise InputError(
+                f"{folder / USE}: in_colour: expected 1 to {lights}, got {use['in_colour']}; bake it again"
+            )
+        lights += (EACH - 1) * (lights - use["in_colour"])
+    if len(matrix) != lights:
         raise InputError(
-            f"{folder / USE}: of_harmonics: expected {use['textures']} rows, one a texture, got {len(matrix)}; bake it "
-            "again"
+            f"{folder / USE}: of_harmonics: expected {lights} rows, one a light, got {len(matrix)}; bake it again"
         )
     if matrix.ndim != 2 or matrix.shape[1] != (order + 1) ** 2 or not (np.abs(matrix) < MOST).all():
         raise InputError(f"{folder / USE}: of_harmonics: expected rows of a square number of values below {MOST:g}")
     # A reader has no use for the radiance of the lights themselves
-    basis = LightBasis(use["basis"], matrix, np.zeros((matrix.shape[1], 0)))
+    grey = 0 if use["in_colour"] is None else lights - use["in_colour"]
+    basis = LightBasis(use["basis"], matrix, np.zeros((matrix.shape[1], 0)), grey)
     textures, seen = {}, {}
     for number, name in use["files"].items():
         tile = int(number) if number.isdecimal() else FIRST_TILE
         textures[tile] = np.zeros((0, use["size"][1], use["size"][0], 3), np.float16)
         if tiles:
-            textures[tile] = _read(folder / name, [part_name(k) for k in range(len(matrix))])
+            textures[tile] = _read(folder / name, list(parts_of(basis)))
             path = folder / use["visibility"].get(number, VISIBILITY)
             seen[tile] = _read(path, [f"visibility.{k}" for k in range(3)])
     width, height = use["judged_at"]

@@ -16,6 +16,7 @@ from skinbake.preview.scene import Texture
 from skinbake.preview.shader_defines import shader_defines
 from skinbake.preview.shader_light import ShaderLight
 from skinbake.relight.basis import LightBasis
+from skinbake.relight.grey_lights import texture_gains
 from skinbake.relight.relit import relit
 from skinbake.relight.skies import made_sky, sky_names
 
@@ -31,7 +32,7 @@ class PageSkies(NamedTuple):
     skies : list of dict
         `name`, and `turn`: coefficients (2 N + 1, 3 K) of 1, cos a, sin a, ... cos N a, sin N a for a turn by a.
     tiles : dict of int to dict
-        By tile: `textures` of the K lights of the basis and shader symbols `defines`.
+        By tile: `textures` of the basis and shader symbols `defines`.
     rms : float
         Error of the coding, of the light that leaves, relative to that; the largest of tiles and skies.
     """
@@ -73,7 +74,7 @@ def page_skies(bake: BakeFolder, lights: tuple[ShaderLight, ...], taken: int) ->
         }
         for number in lobe
     }
-    rms = max(_relative_rms(lobe[number], images[number], amount) for number in lobe for amount in amounts)
+    rms = max(_relative_rms(lobe[number], images[number], basis, amount) for number in lobe for amount in amounts)
     return PageSkies([{"name": name, "turn": _turn(each, basis)} for name, each in light.items()], tiles, rms)
 
 
@@ -105,8 +106,13 @@ def _turn(light: LaterLight, basis: LightBasis) -> list[list[float]]:
     return [[float(f"{x:.6g}") for x in row] for row in rows]
 
 
-def _relative_rms(textures: Texture, images: list[CodedImage], amount: Float) -> float:
-    """Error of the coding of a sum of textures, relative to it; errors of two textures have nothing in common."""
-    wrong = sum(np.mean(colour**2) * image.rms**2 for colour, image in zip(amount, images, strict=True))
-    whole = np.mean(relit(textures, amount) ** 2, dtype=np.float64)
+def _relative_rms(textures: Texture, images: list[CodedImage], basis: LightBasis, amount: Float) -> float:
+    """Error of the coding of a sum of textures, relative to it; errors of two textures have nothing in common.
+
+    Of grey lights, the mean tint's, whose own error is left out: it is small beside what they are.
+    """
+    coloured, grey = texture_gains(basis, amount)
+    squares = [*(coloured**2).mean(axis=1), *(grey**2).sum(axis=1).mean(axis=1)]
+    wrong = sum(square * image.rms**2 for square, image in zip(squares, images, strict=True))
+    whole = np.mean(relit(textures, basis, amount) ** 2, dtype=np.float64)
     return float(np.sqrt(wrong / max(float(whole), 1e-30)))

@@ -13,6 +13,7 @@ import numpy as np
 from OpenGL import GL
 
 from skinbake.numerics import Float
+from skinbake.preview.shader_defines import grey_layers
 from skinbake.preview.textures import TileTextures, blank
 
 Program = Callable[[str, str, Mapping[str, str]], Any]
@@ -31,19 +32,27 @@ class SummedLobes:
         """Texture of each sampler by its name."""
         return {name: texture for (owner, name), texture in self._textures.items() if owner == tile}
 
-    def update(self, tiles: Mapping[int, TileTextures], gains_rgb: Float, program: Program) -> None:
+    def update(self, tiles: Mapping[int, TileTextures], gains_rgb: Float, grey: int, program: Program) -> None:
         """Sum anew if the gains have changed; leaves the frame buffer and the viewport changed.
 
         Parameters
         ----------
         tiles : mapping of tile to TileTextures
         gains_rgb : ndarray of shape (L, 3)
+        grey : int
+            How many layers, the last ones, hold three of these lights.
         program : callable
             Gives a shader program for a vertex shader, a fragment shader and defines.
         """
         if self._gains == gains_rgb.tobytes():
             return
-        shader = program("screen.vert", "light_sum.frag", {"N_LAYERS": str(len(gains_rgb))})
+        read = "texelFetch(lobe, ivec3(gl_FragCoord.xy, layer), 0)"
+        defines = {
+            "N_LAYERS": str(len(gains_rgb) - 3 * grey),
+            "N_GAINS": str(len(gains_rgb)),
+            "ADD_GREY_LAYERS": grey_layers(len(gains_rgb) - 3 * grey, grey, read),
+        }
+        shader = program("screen.vert", "light_sum.frag", defines)
         shader._bind()
         location = GL.glGetUniformLocation(shader._program_id, "layer_gain")
         GL.glUniform3fv(location, len(gains_rgb), np.ascontiguousarray(gains_rgb, np.float32))

@@ -109,13 +109,13 @@ def relit_scene(
     specular: SpecularSpec,
     energy_conservation: bool,
 ) -> PreviewScene:
-    """A scene whose one lobe holds a texture for each light of a basis, to be drawn with `LaterLight`.
+    """A scene whose one lobe holds the textures of a basis, to be drawn with `LaterLight`.
 
     Parameters
     ----------
     basis : LightBasis
     mesh : SkinMesh
-    textures : mapping of int to ndarray of shape (K, H, W, 3)
+    textures : mapping of int to ndarray of shape (T, H, W, 3)
         By tile.
     visibility : mapping of int to ndarray of shape (3, h, w, 3)
         Harmonics of what is open to the sky.

@@ -147,7 +147,9 @@ class SkinRenderer(Renderer):
         self._camera.yfov = float(np.radians(camera.yfov_deg))
         self.graph.set_pose(self._camera_node, camera.pose)
         if self._uses_fold():
-            self._folded.update(self._textures, self.gains_rgb, self.program)
+            basis = self.skin.basis
+            grey = basis.textures - basis.in_colour if basis else 0
+            self._folded.update(self._textures, self.gains_rgb, grey, self.program)
         assert self.target is not None
         self.viewport_width, self.viewport_height = self.target.width, self.target.height
         self.render(self.graph, RenderFlags.OFFSCREEN)
@@ -202,7 +204,7 @@ class SkinRenderer(Renderer):
         Parameters
         ----------
         coefficients : ndarray of shape (K, 3)
-            Factor on each texture of the basis; may be negative.
+            Factor on each light of the basis; may be negative.
         sky : ndarray of shape (n, 2, 4)
             Directions that the oil mirrors.
         suns : tuple of ShaderLight

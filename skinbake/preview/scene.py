@@ -61,7 +61,7 @@ class PreviewScene:
     open_sky : mapping of int to ndarray of shape (3, h, w, 3)
         By tile, of a scene for lights that come later: harmonics Y_0 to Y_8 of what is open to the sky.
     basis : LightBasis, optional
-        Of such a scene: the layers of its lobe are the lights of the basis.
+        Of such a scene: the layers of its lobe are the textures of the basis.
     most_texels : int
         Along a side of what is sent to the graphics card: larger images are halved until they have no more.
     """

@@ -53,6 +53,31 @@ SWITCHES = (
 )
 
 
+def grey_layers(first: int, layers: int, read: str) -> str:
+    """Text that adds to `sum` what layers hold of three grey lights each; as `skinbake.relight.grey_lights.summed`.
+
+    Parameters
+    ----------
+    first : int
+        How many layers in colour come before; `layer_gain` has a gain for each, then one for each grey light.
+    layers : int
+        How many of them; with none there is no text.
+    read : str
+        How a layer is read, `layer` being its number.
+    """
+    if not layers:
+        return ""
+    lines = (
+        "vec3 grey = vec3(0.0), tint;",
+        f"for (int layer = {first}; layer < {first + layers}; ++layer) {{ vec3 held = {read}.rgb;",
+        f"int light = {first} + 3 * (layer - {first});",
+        "grey += layer_gain[light] * held.r + layer_gain[light + 1] * held.g + layer_gain[light + 2] * held.b; }",
+        f"{{ const int layer = 0; tint = {read}.rgb; }}",
+        "sum += grey * tint * (3.0 / max(tint.r + tint.g + tint.b, 1e-20));",
+    )
+    return " ".join(lines)  # it becomes a macro, which is one line
+
+
 def shader_defines(
     scene: PreviewScene,
     tile: int,
@@ -70,7 +95,7 @@ def shader_defines(
     mode : Mode
     lights : sequence of ShaderLight
     layers : int
-        Layers of the lobes' textures that are read.
+        Of the lobes' textures, or gains of the lights that these hold.
     geometry_buffer : bool
         Write position, normal, tangent and UV beside the picture.
     """
@@ -83,6 +108,10 @@ def shader_defines(
     terms = [f"{weight}[{i}] * texture(lobe_{i}, vec3(frag_uv, layer)).rgb" for i in shown]
     conserving = scene.energy_conservation and mode.name != "lobe"
     later = tile in scene.open_sky
+    grey = 0
+    if later and scene.basis is not None and layers > 1:
+        grey = scene.basis.textures - scene.basis.in_colour
+        layers = scene.basis.in_colour
     mirrored = any(light.kind == ENVIRONMENT for light in lights) and mode.specular
     on = {
         "GBUFFER": geometry_buffer,
@@ -110,6 +139,8 @@ def shader_defines(
             "N_GAUSSIANS": str(scene.gaussians),
             "TABLE_LAYERS": str(table_layers(scene.gaussians)),
             "N_LAYERS": str(layers),
+            "N_GAINS": str(layers + 3 * grey),
+            "ADD_GREY_LAYERS": grey_layers(layers, grey, "texture(lobe_0, vec3(frag_uv, layer))"),
             "N_LIGHTS": str(len(lights)),
             "TILE_NUMBER": f"{tile}.0",
             "SECOND_ROUGHNESS": repr(float(second.roughness if second else 1.0)),

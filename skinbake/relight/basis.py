@@ -12,6 +12,7 @@ from skinbake.numerics import Float
 from skinbake.relight.harmonics import count_of, harmonics
 
 Image = NDArray[np.float32]
+EACH = 3  # grey lights a texture
 
 
 @dataclass(frozen=True)
@@ -25,11 +26,14 @@ class LightBasis:
         What makes coefficients of the K lights of a light's J = (order + 1)^2 harmonics.
     radiance : ndarray of shape (J, K)
         Harmonics of the K lights' own radiance.
+    grey : int
+        How many of them, the last ones, share textures by three; the others have one each, in colour.
     """
 
     kind: str
     of_harmonics: Float
     radiance: Float
+    grey: int = 0
 
     @property
     def order(self) -> int:
@@ -37,8 +41,18 @@ class LightBasis:
         return math.isqrt(self.of_harmonics.shape[1]) - 1
 
     def __len__(self) -> int:
-        """Number of lights, and of textures."""
+        """Number of lights."""
         return len(self.of_harmonics)
+
+    @property
+    def in_colour(self) -> int:
+        """How many lights, the first ones, have a texture in colour."""
+        return len(self) - self.grey
+
+    @property
+    def textures(self) -> int:
+        """Number of textures."""
+        return self.in_colour + self.grey // EACH
 
     def from_directions(self, towards: Image) -> Float:
         """What each light sends from the parts of the sphere that directions stand for, (D, K)."""

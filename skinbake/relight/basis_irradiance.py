@@ -176,7 +176,7 @@ def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyp
     count, lights = light.shape
     height, width = at.normal.shape[:2]
     h, w = sky.row.shape
-    seen = np.empty(count, np.float32)
+    seen, cosines = np.empty(count, np.float32), np.empty(count, np.float32)
     open_to, enters = np.zeros(count + AT_ONCE, np.int64), np.empty((3, count + AT_ONCE), np.float32)
     red, green, blue = np.empty(lights, np.float32), np.empty(lights, np.float32), np.empty(lights, np.float32)
     lets = np.empty((NODES, 3), np.float32)
@@ -188,17 +188,19 @@ def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyp
         _let_in(passage, row, col, lets)
         found = 0
         for d in range(count):
-            cosine = nx * sky.columns[0, d] + ny * sky.columns[1, d] + nz * sky.columns[2, d]
-            if not (cosine > 0.0 and seen[d] > 0.0):
-                continue
+            cosines[d] = nx * sky.columns[0, d] + ny * sky.columns[1, d] + nz * sky.columns[2, d]
+        for d in range(count):  # without a branch, which no processor could foresee
+            open_to[found] = d
+            found += (cosines[d] > 0.0) & (seen[d] > 0.0)
+        for n in range(found):
+            cosine = cosines[open_to[n]]
             x = min(np.sqrt(cosine), np.float32(1.0)) * np.float32(NODES - 1)
             j = min(int(x), NODES - 2)
             x -= j
-            weight = cosine * seen[d]
-            open_to[found] = d
+            weight = cosine * seen[open_to[n]]
             for c in range(3):
-                enters[c, found] = weight * (lets[j, c] + x * (lets[j + 1, c] - lets[j, c]))
-            found += 1
+                enters[c, n] = weight * (lets[j, c] + x * (lets[j + 1, c] - lets[j, c]))
+        open_to[found : found + AT_ONCE] = 0
         enters[:, found : found + AT_ONCE] = 0.0
         red[:], green[:], blue[:] = 0.0, 0.0, 0.0
         for n in range(0, found, AT_ONCE):

@@ -9,6 +9,7 @@ import numpy as np
 from skinbake.numerics import Float
 from skinbake.relight.basis import LightBasis, harmonic_basis
 from skinbake.relight.fitted_basis import fitted_basis, gram
+from skinbake.relight.grey_lights import lights_in
 from skinbake.scene.decision import Decision
 from skinbake.scene.spec import RelightSpec
 
@@ -50,13 +51,13 @@ def choose_basis(spec: RelightSpec, irradiance: Float, sky_harmonics: Float, see
         options.append((rms, len(basis), basis))
         told.append(f"{len(basis)} harmonics {rms:.2%}")
     if spec.basis != "harmonics":
-        basis = fitted_basis(products, min(spec.textures, irradiance.shape[1]), seed)
+        basis = fitted_basis(products, min(sum(lights_in(spec.textures)), irradiance.shape[1]), seed)
         of_count = errors(basis)
-        enough = np.flatnonzero(of_count <= spec.tolerance)
-        basis = first(basis, int(enough[0]) + 1 if len(enough) else len(basis))
-        rms = float(of_count[len(basis) - 1])
-        options.append((rms, len(basis), basis))
-        told.append(f"{len(basis)} fitted {rms:.2%}")
+        found_in = {count: float(of_count[sum(lights_in(count)) - 1]) for count in range(1, spec.textures + 1)}
+        count = next((count for count, rms in found_in.items() if rms <= spec.tolerance), spec.textures)
+        rms, basis = found_in[count], first(basis, count)
+        options.append((rms, count, basis))
+        told.append(f"{count} fitted {rms:.2%}")
     within = [each for each in options if each[0] <= spec.tolerance]
     rms, _, basis = min(within, key=lambda each: each[1]) if within else min(options, key=lambda each: each[0])
     verdict = "within" if within else "the most asked for, above"
@@ -64,6 +65,8 @@ def choose_basis(spec: RelightSpec, irradiance: Float, sky_harmonics: Float, see
     return basis, Decision(f"relight.{basis.kind}", True, why)
 
 
-def first(basis: LightBasis, count: int) -> LightBasis:
-    """The first lights of a fitted basis, which are the best so many."""
-    return LightBasis(basis.kind, basis.of_harmonics[:count], basis.radiance[:, :count])
+def first(basis: LightBasis, textures: int) -> LightBasis:
+    """The first lights of a fitted basis, the best of them, as many as so many textures hold."""
+    coloured, grey = lights_in(textures)
+    count = coloured + grey
+    return LightBasis(basis.kind, basis.of_harmonics[:count], basis.radiance[:, :count], grey)

@@ -24,6 +24,7 @@ from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.relight.basis import LightBasis
+from skinbake.relight.grey_lights import summed
 from skinbake.relight.light_error import KindError
 from skinbake.relight.scattering import summed_lobes
 from skinbake.relight.unseen_lights import UnseenLight
@@ -102,7 +103,7 @@ def judge_basis(
     ----------
     bake : DirectBake
     basis : LightBasis
-    textures : dict of int to ndarray of shape (K, H, W, 3)
+    textures : dict of int to ndarray of shape (T, H, W, 3)
         Of the basis, of the size of the bake's atlas.
     lights : sequence of UnseenLight
     say : callable
@@ -136,9 +137,9 @@ def judge_bases(
         second = {k: len(some) + place for place, k in enumerate(twice)}
         for (basis, textures), errors in zip(bases, found, strict=True):
             for k, each in enumerate(some):
-                amount = (basis.of_harmonics @ each.harmonics(basis.order)).astype(np.float32)
+                amount = basis.of_harmonics @ each.harmonics(basis.order)
                 of_tiles = {
-                    tile: (np.einsum("khwc,kc->hwc", textures[tile], amount), images[k], images[second.get(k, k)])
+                    tile: (summed(textures[tile], basis, amount), images[k], images[second.get(k, k)])
                     for tile, images in exact.items()
                 }
                 errors.setdefault(each.kind, []).append(_error(each, of_tiles, bake.atlas, bake.scene.mesh))

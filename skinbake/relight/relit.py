@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.kernels.compile import kernel
-from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, normalized
 from skinbake.relight.basis import LightBasis
+from skinbake.relight.grey_lights import summed
 from skinbake.relight.harmonics import harmonics, harmonics_of_sky, turned
 
 Image = NDArray[np.float32]
@@ -52,34 +51,15 @@ def light_coefficients(
     return np.einsum("kj,jc->kc", basis.of_harmonics, turned(light, rotate_deg))
 
 
-def relit(textures: NDArray[np.floating], coefficients: Float) -> Image:
-    """Sum of textures times coefficients, at least 0, (H, W, 3).
+def relit(textures: NDArray[np.floating], basis: LightBasis, coefficients: Float) -> Image:
+    """Light that leaves, M, at least 0, (H, W, 3).
 
     Parameters
     ----------
-    textures : ndarray of shape (K, H, W, 3), float16 or float32
+    textures : ndarray of shape (T, H, W, 3), float16 or float32
+    basis : LightBasis
+        Whose textures they are.
     coefficients : ndarray of shape (K, 3)
     """
-    out = np.zeros(textures.shape[1:], np.float32)
-    for texture, amount in zip(textures, coefficients.astype(np.float32), strict=True):
-        parallel_for(_add, len(out), np.asarray(texture, np.float32), amount, out)
+    out = summed(textures, basis, coefficients)
     return np.maximum(out, 0, out=out)
-
-
-@kernel
-def _add(first: int, stop: int, texture: Image, amount: Image, out: Image) -> None:
-    """Add a texture times a colour.
-
-    Parameters
-    ----------
-    first, stop : int
-        Rows.
-    texture : ndarray of shape (H, W, 3)
-    amount : ndarray of shape (3,)
-    out : ndarray of shape (H, W, 3)
-        Added to.
-    """
-    for row in range(first, stop):
-        for col in range(out.shape[1]):
-            for c in range(3):
-                out[row, col, c] += amount[c] * texture[row, col, c]

@@ -59,8 +59,8 @@ def decide_reuse(
     kept = max(told.values(), default=0.0) <= limit
     verdict = "within" if kept else "above"
     why = (
-        f"{len(transfer.basis)} textures state errors of up to {figures}, {verdict} {limit:.2%}, what their blur, off "
-        f"by up to {aim:.2%}, leaves of {left:.2%}"
+        f"{transfer.basis.textures} textures state errors of up to {figures}, {verdict} {limit:.2%}, what their blur, "
+        f"off by up to {aim:.2%}, leaves of {left:.2%}"
     )
     return transfer if kept else None, Decision("relight.reuse", kept, why)
 
@@ -108,7 +108,9 @@ def reused_lights(
     amounts = [_coefficients(transfer, light, environments) for light in spec.lights]
     shown = amounts if separate else [np.sum(amounts, axis=0)]
     for tile, textures in transfer.textures.items():
-        rgb[tile] = np.stack([relit(textures, each) for each in shown]) * safe_div(1.0, total).astype(np.float32)
+        rgb[tile] = np.stack([relit(textures, transfer.basis, each) for each in shown]) * safe_div(1.0, total).astype(
+            np.float32
+        )
     names = tuple(light.name for light in spec.lights) if separate else (TOTAL_LIGHT,)
     weight = (float(total[0]), float(total[1]), float(total[2]))
     return DiffuseMap(names, (Lobe(0.0, weight, METHOD, rgb),), None, (line,))

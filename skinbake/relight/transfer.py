@@ -23,6 +23,7 @@ from skinbake.profile.skin_medium import SkinMedium
 from skinbake.relight.basis import LightBasis
 from skinbake.relight.basis_irradiance import Passage, basis_irradiance
 from skinbake.relight.choose_basis import choose_basis
+from skinbake.relight.grey_lights import keep_light
 from skinbake.relight.harmonics import harmonics, harmonics_of_sky
 from skinbake.relight.judge_basis import DirectBake, judge_basis
 from skinbake.relight.light_error import KindError
@@ -39,7 +40,7 @@ Say = Callable[[str], None]
 DEFAULT_SIZE = 1024
 ORDER = 14  # of the harmonics in which lights are described to a fitted basis
 CHOOSING, POINTS = 8, 8192  # skies and points of the skin by which a basis is chosen
-AT_ONCE = 8  # lights that are blurred together
+LIT_AT_ONCE, AT_ONCE = 41, 8  # lights that are lit together, and of them those that are blurred together
 JUDGED_WITHIN = 0.005  # tolerance of the blurs that are compared
 
 
@@ -50,8 +51,9 @@ class Transfer:
     Attributes
     ----------
     basis : LightBasis
-    textures : dict of int to ndarray of shape (K, H, W, 3), float32
-        By tile: M under each light of the basis, before what of the albedo comes after scattering.
+    textures : dict of int to ndarray of shape (T, H, W, 3), float32
+        By tile: M under the lights of the basis, before what of the albedo comes after scattering; one each in colour,
+        then grey ones as `keep_light` puts them there.
     visibility : dict of int to ndarray of shape (3, h, w, 3)
         By tile: what is open to the sky, as `visibility_harmonics` gives it.
     error : mapping of str to KindError
@@ -128,10 +130,10 @@ def make_transfer(
     basis, line = _choose(relight, scene, sky, passage, spec.output.seed)
     lines += [line, *_left_out(spec)]
 
-    say(f"relighting: {len(basis)} textures")
+    say(f"relighting: {basis.textures} textures of {len(basis)} lights")
     udim, texture = spec.texture.udim, full.texture
     atlas = rasterize(scene.mesh, texture.size, texture.gutter, udim)
-    _check_memory(full, len(basis), len(atlas), len(gaussians.variance_mm2))
+    _check_memory(full, basis.textures + LIT_AT_ONCE, len(atlas), len(gaussians.variance_mm2))
     scattering = Scattering(full, decisions, scene, atlas, gaussians, medium, slant, say)
     textures = _scattered(scattering, atlas, scene, sky, passage, basis, say)
     lines += scattering.lines
@@ -228,7 +230,7 @@ def _points(atlas: Atlas) -> list[NDArray[np.int64]]:
 def _scattered(
     scattering: Scattering, atlas: Atlas, scene: SceneData, sky: OpenSky, passage: Passage, basis: LightBasis, say: Say
 ) -> Tiles:
-    """M under each light of a basis, (K, H, W, 3) a tile.
+    """M under each light of a basis as its textures, (T, H, W, 3) a tile.
 
     A light that is negative in places goes with so much even light that it is not, which is taken off again.
 
@@ -246,16 +248,23 @@ def _scattered(
     light = basis.from_directions(sky.towards)
     lifted = np.maximum(-light.min(axis=0), 0) / part
     columns = np.concatenate([np.full((len(light), 1), part), light + lifted * part], axis=1).astype(np.float32)
-    out = {raster.tile: basis_irradiance(raster, scene, sky, passage, np.maximum(columns, 0)) for raster in atlas}
-    for start in range(0, columns.shape[1], AT_ONCE):
-        some = slice(start, start + AT_ONCE)
-        say(f"relighting: scattering {min(some.stop, columns.shape[1]) - 1} of {len(basis)}")
-        for tile, image in scattering.exitance({tile: image[some] for tile, image in out.items()}).items():
-            out[tile][some] = image
-    for image in out.values():
-        for k, lift in enumerate(lifted):
-            image[k + 1] -= np.float32(lift) * image[0]
-    return {tile: image[1:] for tile, image in out.items()}
+    columns = np.maximum(columns, 0)
+    out = {raster.tile: np.empty((basis.textures, *raster.shape, 3), np.float32) for raster in atlas}
+    even: Tiles = {}
+    for start in range(0, len(basis) + 1, LIT_AT_ONCE):
+        some = columns[:, start : start + LIT_AT_ONCE]
+        lit = {raster.tile: basis_irradiance(raster, scene, sky, passage, some) for raster in atlas}
+        for begin in range(0, some.shape[1], AT_ONCE):
+            number = start + begin - 1  # of the first of these lights; even light comes before all
+            say(f"relighting: scattering {min(number + AT_ONCE, len(basis))} of {len(basis)}")
+            made = scattering.exitance({tile: images[begin : begin + AT_ONCE] for tile, images in lit.items()})
+            for tile, images in made.items():
+                even.setdefault(tile, images[0].copy())
+                for k, image in enumerate(images, number):
+                    if k >= 0:
+                        image -= np.float32(lifted[k]) * even[tile]
+                        keep_light(out[tile], basis, k, image)
+    return out
 
 
 def _judged(small: SceneSpec, slanted: bool, lines: list[Decision]) -> SceneSpec:

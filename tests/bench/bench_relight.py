@@ -9,6 +9,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from skinbake.baking.incidence_table import incidence_table
 from skinbake.io.config import load_look
 from skinbake.io.scene_files import read_scene
@@ -17,6 +19,8 @@ from skinbake.profile import fit_skin
 from skinbake.profile.skin_medium import skin_medium
 from skinbake.relight import transfer
 from skinbake.relight.basis import LightBasis
+from skinbake.relight.choose_basis import first
+from skinbake.relight.grey_lights import keep_light, summed
 from skinbake.relight.judge_basis import judge_bases
 from tests.conftest import ROOT
 
@@ -41,7 +45,7 @@ def run(quick: bool, look: Path = ROOT / "configs" / "head_plain.yaml") -> list[
             cut = [_first(*each, count) for each in kept for count in COUNTS if _has(each[0], count)]
             for (one, _), errors in zip(cut, judge_bases(bake, cut, lights), strict=True):
                 figures = {kind: round(100 * error.rms, 2) for kind, error in errors.items()}
-                rows.append({"name": f"{len(one)} {one.kind}", **{f"{k}_percent": v for k, v in figures.items()}})
+                rows.append({"name": f"{one.textures} {one.kind}", **{f"{k}_percent": v for k, v in figures.items()}})
         return {}
 
     transfer.judge_basis = judge
@@ -57,15 +61,21 @@ def run(quick: bool, look: Path = ROOT / "configs" / "head_plain.yaml") -> list[
 
 
 def _has(basis: LightBasis, count: int) -> bool:
-    """Whether so many lights of a basis are one: harmonics go by whole orders."""
-    return count <= len(basis) and (basis.kind == "fitted" or count in (9, 16, 25, 36, 49))
+    """Whether so many textures of a basis are one: harmonics go by whole orders."""
+    return count <= basis.textures and (basis.kind == "fitted" or count in (9, 16, 25, 36, 49))
 
 
 def _first(basis: LightBasis, textures: dict, count: int) -> tuple[LightBasis, dict]:
-    """The first lights of a basis, with their textures."""
-    size = count if basis.kind == "harmonics" else basis.of_harmonics.shape[1]
-    cut = replace(basis, of_harmonics=basis.of_harmonics[:count, :size], radiance=basis.radiance[:size, :count])
-    return cut, {tile: image[:count] for tile, image in textures.items()}
+    """The first lights of a basis, as many as so many textures hold, with these."""
+    if basis.kind == "harmonics":
+        cut = replace(basis, of_harmonics=basis.of_harmonics[:count, :count], radiance=basis.radiance[:count, :count])
+        return cut, {tile: image[:count] for tile, image in textures.items()}
+    cut, alone = first(basis, count), np.eye(len(basis))
+    tiles = {tile: np.zeros((count, *image.shape[1:]), np.float32) for tile, image in textures.items()}
+    for tile, image in textures.items():
+        for k in range(len(cut)):
+            keep_light(tiles[tile], cut, k, summed(image, basis, np.repeat(alone[k][:, None], 3, axis=1)))
+    return cut, tiles
 
 
 def chart(rows: list[dict], path: Path, title: str) -> None:
@@ -84,7 +94,7 @@ def chart(rows: list[dict], path: Path, title: str) -> None:
             counts, rms = [int(row["name"].split()[0]) for row in mine], [row[f"{kind}_percent"] for row in mine]
             axes.plot(counts, rms, style, color=colours[kind], markersize=4, label=f"{words[kind]}, {basis}")
     axes.set(xlabel="textures", ylabel="error on lights unseen, % rms", xticks=COUNTS, yscale="log", title=title)
-    ticks = [1, 2, 3, 5, 8, 12, 20]
+    ticks = [0.5, 1, 2, 3, 5, 8, 12, 20]
     axes.set_yticks(ticks, [str(tick) for tick in ticks])
     axes.minorticks_off()
     axes.grid(alpha=0.3)

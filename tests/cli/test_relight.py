@@ -135,12 +135,13 @@ def test_check_tells_of_the_textures(look, capsys):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda use: use["of_harmonics"].pop(), "of_harmonics: expected 16 rows, one a texture, got 15"),
-        (lambda use: use | {"textures": use["textures"] - 1, "of_harmonics": use["of_harmonics"][1:]},
+        (lambda use: use["of_harmonics"].pop(), "of_harmonics: expected 16 rows, one a light, got 15"),
+        (lambda use: use | {"textures": 15, "in_colour": 15, "of_harmonics": use["of_harmonics"][1:]},
          "relight.exr: expected 15 parts"),
         (lambda use: use | {"textures": "many"}, "textures"),
+        (lambda use: use | {"in_colour": 17}, "in_colour: expected 1 to 16, got 17"),
     ],
-    ids=["rows", "parts", "number"],
+    ids=["rows", "parts", "number", "in colour"],
 )  # fmt: skip
 def test_too_few_rows_are_told(look, tmp_path, spoil, message):
     """Rows of the matrix, parts of the file and the number of textures go together."""

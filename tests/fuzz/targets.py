@@ -292,7 +292,7 @@ def read_transfer(path: Path) -> None:
     transfer = transfer_of(path.parent)
     amount = light_coefficients(transfer.basis, np.ones((4, 8, 3), np.float32))
     for textures in transfer.textures.values():
-        assert relit(textures, amount).shape[2] == 3
+        assert relit(textures, transfer.basis, amount).shape[2] == 3
 
 
 # State of our own ----------------------------------------------------------------------------------------------------

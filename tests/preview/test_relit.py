@@ -15,7 +15,8 @@ from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.mode import Mode
 from skinbake.preview.relit import LaterLight, relit_scene, sky_samples
 from skinbake.preview.relit_controls import RelitControls, press_relit
-from skinbake.relight.basis import harmonic_basis
+from skinbake.relight.basis import LightBasis, harmonic_basis
+from skinbake.relight.grey_lights import summed
 from skinbake.relight.relit import light_coefficients
 from skinbake.relight.skies import made_sky, sky_names
 from skinbake.scene.maps import SkinMaps
@@ -101,15 +102,16 @@ def drawn():
     textures = {1001: np.broadcast_to(colours[:, None, None], (4, 5, 7, 3)).copy()}
     camera = Camera(np.zeros(3), 3000.0, 0.0, 0.0, 1.0)
 
-    def draw(light, mode, seen=3.544908, degrees=0.0):  # Y_0 times that is 1: all is open
+    def draw(light, mode, seen=3.544908, degrees=0.0, basis=None, fold=False):  # Y_0 times that is 1: all is open
         open_sky = np.zeros((3, 4, 4, 3), np.float16)
         open_sky[0, ..., 0] = seen
         scene = relit_scene(
-            harmonic_basis(1), quad(), textures, {1001: open_sky}, SkinMaps(), TexturingSpec(),
+            basis or harmonic_basis(1), quad(), textures, {1001: open_sky}, SkinMaps(), TexturingSpec(),
             SpecularSpec(roughness=0.3), False,
         )  # fmt: skip
         seen_from = replace(camera, azimuth_deg=degrees)
         with OffscreenRenderer(scene) as renderer:
+            renderer._renderer.fold = fold
             return renderer.draw(seen_from, (9, 9), Mode(mode), supersample=1, later=light).rgba[4, 4, :3]
 
     draw.colours = colours.astype(np.float64)
@@ -124,6 +126,19 @@ def test_diffuse_is_the_sum_of_the_textures(drawn):
     np.testing.assert_allclose(drawn(light, "diffuse"), exact, rtol=HALF)
     assert not drawn(LaterLight(), "full").any()
     assert not drawn(LaterLight(0 * STUDIO), "full").any()
+
+
+@pytest.mark.slow  # OpenGL
+@pytest.mark.parametrize("fold", [False, True], ids=["", "summed"])
+def test_grey_lights_are_drawn_as_they_are_summed(drawn, fold):
+    """Two textures in colour and two of three lights each, summed in every frame or once."""
+    matrix = np.random.default_rng(7).standard_normal((8, 9)) + np.eye(8, 9)
+    matrix[:, 0] += 2
+    basis, light = LightBasis("fitted", matrix, np.zeros((9, 0)), 6), LaterLight(STUDIO, (SUN,), 30.0)
+    textures = np.broadcast_to(drawn.colours[:, None, None], (4, 1, 1, 3))
+    exact = np.maximum(summed(textures, basis, light.coefficients(basis))[0, 0], 0) / np.pi
+    assert exact.min() > 0.1
+    np.testing.assert_allclose(drawn(light, "diffuse", basis=basis, fold=fold), exact, rtol=2 * HALF)
 
 
 @pytest.mark.slow  # OpenGL

@@ -14,7 +14,7 @@ uniform vec3 cam_pos;
 
 DECLARE_LOBES
 uniform vec3 lobe_weight[N_LOBES];
-uniform vec3 layer_gain[N_LAYERS];   // of each stored light's diffuse part
+uniform vec3 layer_gain[N_GAINS];    // of each stored light's diffuse part
 uniform vec3 total_weight;
 #ifdef SKIN_TABLE
 uniform sampler2DArray weight_table; // weights one after the other, four a texel; rows and columns are nodes
@@ -223,7 +223,7 @@ void main()
     vec3 color = vec3(0.0);
 
 #ifdef SHOW_DIFFUSE
-    vec3 exitance = vec3(0.0);
+    vec3 sum = vec3(0.0);
 #ifdef SKIN_TABLE
     vec3 weight[N_LOBES];
     vec3 total;
@@ -231,11 +231,13 @@ void main()
 #endif
     for (int layer = 0; layer < N_LAYERS; ++layer) {
 #ifdef UNSCATTERED
-        exitance += layer_gain[layer] * texture(irradiance, vec3(frag_uv, layer)).rgb;
+        sum += layer_gain[layer] * texture(irradiance, vec3(frag_uv, layer)).rgb;
 #else
-        exitance += layer_gain[layer] * (SUM_OF_LOBES);
+        sum += layer_gain[layer] * (SUM_OF_LOBES);
 #endif
     }
+ADD_GREY_LAYERS
+    vec3 exitance = sum;
 #ifdef UNSCATTERED
 #ifdef SKIN_TABLE
     exitance *= total * texture(albedo, vec3(frag_uv, 0.0)).rgb;
