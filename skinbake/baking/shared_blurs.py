@@ -154,7 +154,7 @@ def _other_light(spec: SceneSpec, fit: GaussianSum, base: BlurBase, limit: float
             if off > limit:
                 return _beyond("incidence: slanted light comes back otherwise", off, limit)
     if terms.beam != "off" and not same:
-        ours, theirs = free_path_of(medium), free_path_of(base.medium)
+        ours, theirs = free_path_of(medium, fit), free_path_of(base.medium, base.gaussians)
         if isinstance(ours, str) != isinstance(theirs, str):
             return f"beam: {_known(medium, base.look)}"
         if not isinstance(ours, str) and not isinstance(theirs, str):

@@ -16,15 +16,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, AtlasRaster, sample_map
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.skin_weights import SkinWeights
-from skinbake.diffuse.terms.beam import (
-    BeamLight,
-    BeamShift,
-    decide_beam,
-    free_path_of,
-    has_beam,
-    moved_share,
-    narrowest_mm2,
-)
+from skinbake.diffuse.terms.beam import BeamLight, decide_beams, free_path_of, has_beam, narrowest_mm2
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin, formed_already
 from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
@@ -153,7 +145,7 @@ def light_entering(
     terms = spec.terms
     beams = terms.beam != "off" and any(has_beam(light) for light in spec.lights)
     curved, line = curve_skin(scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible, beams)
-    shifts, shifted, lines = _decide_beam(spec, budget, scene, atlas, irradiance, gaussians, medium, curved)
+    shifts, shifted, lines = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, curved)
     if curved and not shifted and curved.spreads_beams_alone:
         curved, line = None, formed_already(terms.curvature)
     plan += [*lines, line]
@@ -206,7 +198,7 @@ def light_entering(
         if tile_number in further:
             further[tile_number] += rgb
             np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
-    free_path = free_path_of(medium)
+    free_path = free_path_of(medium, gaussians)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
     mean_albedo = total / sum(np.sum(raster.area_mm2) for raster in atlas)
     return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), curved, skin_light)
@@ -237,66 +229,6 @@ def _area_sum(area_mm2: Image, colour: Image) -> Float:
 def _named(spec: SceneSpec, name: str) -> LightSpec:
     """The look's light of a name."""
     return next(of for of in spec.lights if of.name == name)
-
-
-def _decide_beam(
-    spec: SceneSpec,
-    budget: Budget,
-    scene: SceneData,
-    atlas: Atlas,
-    irradiance: tuple[IrradianceMap, ...],
-    gaussians: GaussianSum,
-    medium: SkinMedium,
-    curved: CurvedSkin | None,
-) -> tuple[list[BeamShift], set[str], list[Decision]]:
-    """What shifts light, by tile, the lights that are shifted, and the plan's lines.
-
-    Parameters
-    ----------
-    spec : SceneSpec
-    budget : Budget
-    scene : SceneData
-    atlas : Atlas
-    irradiance : tuple of IrradianceMap
-    gaussians : GaussianSum
-    medium : SkinMedium
-    curved : CurvedSkin, optional
-        Where curvature is counted.
-    """
-    switch = spec.terms.beam
-    if switch == "off":
-        return [], set(), [Decision("beam", False, "off")]
-    free_path = free_path_of(medium)
-    if isinstance(free_path, str):
-        return [], set(), [Decision("beam", False, f"{switch}: {free_path}")]
-    wide = gaussians.variance_mm2 >= narrowest_mm2(free_path[0])
-    share = float(gaussians.weight_rgb[wide].sum() / max(gaussians.weight_rgb.sum(), 1e-12))
-    shifts = [
-        BeamShift(
-            raster,
-            scene.mesh,
-            scene.occluder,
-            spec.texture.udim,
-            k,
-            *free_path,
-            curved.curvature_per_mm[raster.tile] if curved else None,
-        )
-        for k, raster in enumerate(atlas)
-    ]
-    lines = []
-    for i, name in enumerate(irradiance[0].lights):
-        light = _named(spec, name)
-        if not has_beam(light):
-            lines.append(Decision(f"{name}.beam", False, f"{switch}: its light has no one direction"))
-            continue
-        of_tiles = zip(atlas, shifts, irradiance, strict=True)
-        squares = [
-            moved_share(raster, shift, light, tile.rgb[i].astype(np.float32)) for raster, shift, tile in of_tiles
-        ]
-        moved, there = np.sum(squares, axis=0)
-        lost = share * float(np.sqrt(moved / there)) if there > 0 else 0.0
-        lines.append(decide_beam(name, lost, switch, budget.terms_left(name)))
-    return shifts, {line.term.removesuffix(".beam") for line in lines if line.enabled}, lines
 
 
 def reference_reflectance(spec: SceneSpec, gaussians: GaussianSum, medium: SkinMedium, incidence: Incidence) -> Float:

@@ -19,7 +19,6 @@ from skinbake.diffuse.memoize import Kind, Make, Values
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
-from skinbake.diffuse.terms.beam import free_path_of
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts
@@ -249,5 +248,5 @@ def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int, on_disk:
         More memory is needed than there is.
     """
     lights = len(decisions.stored_lights)
-    shifted = spec.terms.beam != "off" and not isinstance(free_path_of(skin_medium(spec.skin)), str)
+    shifted = spec.terms.beam != "off" and bool(skin_medium(spec.skin).layers)
     check_memory(spec.texture.size[::-1], lights, tiles, LIKELY_LOBES, spec.diffusion.method, shifted, on_disk)

@@ -7,7 +7,7 @@ import pytest
 
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.diffuse_map import Lobe
-from skinbake.diffuse.terms.beam import BeamShift
+from skinbake.diffuse.terms.beam_shift import BeamShift
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.irradiance.occluder import Occluder
 from skinbake.profile import GaussianSum
@@ -90,12 +90,12 @@ def test_a_shifted_beam_keeps_its_total():
     ("switch", "medium", "why"),
     [
         ("off", MEDIUM, "off"),
-        ("auto", SkinMedium((Layer(SKIN, 0.3, 1.4), Layer(SKIN, np.inf, 1.4))), "several layers"),
+        ("auto", SkinMedium((Layer(SKIN, 0.3, 1.4), Layer(SKIN, np.inf, 1.4)), named=True), "several layers"),
         ("auto", SkinMedium(why="model table gives a profile"), "model table"),
     ],
 )
 def test_it_is_left_out_where_it_is_not_known(switch, medium, why):
-    """Off, several layers, no medium: no factors, and the plan says why."""
+    """Off, layers that are only named, no medium: no factors, and the plan says why."""
     curved, line = curve_skin(sphere(RADIUS, "cube", 8), TextureSpec(size=(32, 32)), profile(), medium, switch, 0.0)
     assert curved is None
     assert not line.enabled

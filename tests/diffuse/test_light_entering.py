@@ -9,13 +9,14 @@ import pytest
 
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.light_entering import light_entering
-from skinbake.diffuse.terms.beam import BeamShift
+from skinbake.diffuse.terms.beam_shift import BeamShift
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.light_skin import light_skin
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import mean_specular_albedo
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
+from skinbake.profile.effective_medium import effective_medium
 from skinbake.profile.incidence import reflect_slanted
 from skinbake.profile.skin_medium import SkinMedium, medium_incidence, skin_medium
 from skinbake.scene.lights import DirectionalLight
@@ -216,12 +217,16 @@ def test_rays_find_what_lies_upstream_in_another_chart():
     assert (np.abs(moved - image)[~raster.addressed] == 0).all()
 
 
-def test_a_medium_of_several_layers_has_no_one_free_path():
-    """Its plan says why."""
+def test_several_layers_have_the_free_path_of_a_medium_that_stands_for_them():
+    """Their beams are shifted by it, those of layers that are only named are not; the plan says why."""
     layers = SkinMedium(MEDIUM.layers * 2)
-    got = entering(quad(), [sun(0.5)], {"beam": "on"}, medium=layers)[0]
+    got = entering(plates(), [sun(0.5)], {"beam": "on"}, medium=layers)[0]
+    assert got.plan[1].enabled
+    effective = effective_medium(GaussianSum(np.ones(1), np.ones((1, 3)), np.zeros(3), np.ones(3)), np.ones(3), 1.0)
+    assert got.beam.narrowest_mm2 == pytest.approx((0.4 * effective.free_path_mm.mean()) ** 2)
+    got = entering(plates(), [sun(0.5)], {"beam": "on"}, medium=replace(layers, named=True))[0]
     assert got.beam is None
-    assert "several layers" in got.plan[1].why
+    assert "several layers that are only named" in got.plan[1].why
 
 
 def test_a_medium_that_is_only_named_gives_its_slant_and_not_its_total():

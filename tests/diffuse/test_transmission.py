@@ -8,11 +8,12 @@ import pytest
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.terms.far_side import far_side
-from skinbake.diffuse.terms.slab_weights import SlabWeights, effective_medium, fit_slabs, slab_weights
+from skinbake.diffuse.terms.slab_weights import SlabWeights, fit_slabs, slab_weights
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.occluder import Occluder
 from skinbake.profile import GaussianSum
+from skinbake.profile.effective_medium import effective_medium
 from skinbake.profile.fresnel import boundary_factor
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium

@@ -119,10 +119,10 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         if terms.beam != "off":
             medium = skin_medium(spec.skin)
             lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()  # what is moved has their share
-            beam = (terms.beam, medium.identity, medium.why, lobes)
+            beam = (terms.beam, medium.identity, medium.why, medium.named, lobes)
         if terms.curvature != "off":
             medium = skin_medium(spec.skin)
-            curvature = (terms.curvature, medium.identity, medium.why, spec.skin.normalise)
+            curvature = (terms.curvature, medium.identity, medium.why, medium.named, spec.skin.normalise)
         if terms.interreflection != "off":
             oil = spec.specular.model_dump(mode="json") if inputs.decisions.energy_conservation.enabled else None
             interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))

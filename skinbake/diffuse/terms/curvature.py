@@ -17,6 +17,7 @@ from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_gain, curved_share
+from skinbake.profile.effective_medium import one_layer
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.decision import Decision
 from skinbake.scene.mesh import SkinMesh
@@ -94,12 +95,11 @@ def curve_skin(
     """
     if switch == "off":
         return None, Decision("curvature", False, "off")
-    if len(medium.layers) != 1 or medium.to_rgb is not None:
-        why = medium.why or "skin of several layers or wavelengths has no single depth at which light scatters"
-        return None, Decision("curvature", False, f"{switch}: {why}")
+    layer = one_layer(medium, gaussians)
+    if isinstance(layer, str):
+        return None, Decision("curvature", False, f"{switch}: {layer}")
     if gaussians.normalise == "white" and not beams:
         return None, formed_already(switch)
-    (layer,) = medium.layers
     # Light that leaves has come from as far as the geometric mean of a free path and the diffusion length
     path_mm, decay = layer.medium.free_path_mm, layer.medium.sigma_tr_per_mm
     smoothed_mm = SMOOTHED * path_mm / np.sqrt(np.maximum(decay * path_mm, 1 / FURTHEST_PATHS))

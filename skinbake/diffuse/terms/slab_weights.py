@@ -11,17 +11,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq, nnls
+from scipy.optimize import nnls
 
 from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
+from skinbake.profile.effective_medium import ETA, effective_medium
 from skinbake.profile.fresnel import boundary_factor
 from skinbake.profile.medium import Medium
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.profile.slab import slab, unscattered
 from skinbake.profile.slab_transport import SlabTransport, diffuse_mean, slab_transport
 
-ETA = 1.4  # of skin that does not say
 THINNEST_MM, THICKEST_MM, THICKNESSES = 0.1, 40.0, 96
 DARK = 1e-3  # transmittance not worth a ray
 
@@ -47,41 +47,6 @@ class SlabWeights:
     weight_rgb: Float
     counted_rgb: Float
     plain_rgb: Float
-
-
-def effective_medium(gaussians: GaussianSum, reflectance_rgb: Float, eta: float = ETA) -> Medium:
-    """Homogeneous medium with a given reflectance and with the mean square radius of a profile.
-
-    The dipole's albedo follows from its reflectance (theory.md 2.3); its second moment, from 2.6, then sets the scale.
-
-    Parameters
-    ----------
-    gaussians : GaussianSum
-    reflectance_rgb : ndarray of shape (3,)
-    eta : float
-        Index of the medium over that of air.
-    """
-    boundary = boundary_factor(eta)
-    sigma_a, sigma_sp = np.zeros(3), np.zeros(3)
-    for c in range(3):
-        target = float(np.clip(reflectance_rgb[c], 0.01, 0.98))
-
-        def dipole_total(log_absorbed: float, target: float = target) -> float:
-            absorbed = np.exp(log_absorbed)
-            x, b = np.sqrt(3 * absorbed), 4 * boundary / 3
-            return (1 - absorbed) / 2 * (np.exp(-x) + np.exp(-x * (1 + b))) - target
-
-        absorbed = float(np.exp(brentq(dipole_total, np.log(1e-12), np.log(1 - 1e-9))))
-        # -4 d/d(s^2) of ln R~ at s = 0, in free paths: sources at depth 1 and 1 + 4A/3
-        depth = np.array([1.0, 1 + 4 * boundary / 3])
-        decay = np.sqrt(3 * absorbed)
-        share = np.exp(-decay * depth)
-        radius2 = 2 / decay * (depth * share).sum() / share.sum()
-        weight = gaussians.weight_rgb[:, c]
-        wanted2 = 2 * float((weight * gaussians.variance_mm2).sum() / max(weight.sum(), 1e-12))
-        sigma_tp = np.sqrt(radius2 / max(wanted2, 1e-12))
-        sigma_a[c], sigma_sp[c] = absorbed * sigma_tp, (1 - absorbed) * sigma_tp
-    return Medium(sigma_a, sigma_sp)
 
 
 def slab_weights(gaussians: GaussianSum, reflectance_rgb: Float, medium: SkinMedium | None = None) -> SlabWeights:

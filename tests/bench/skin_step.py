@@ -1,6 +1,6 @@
 """What a profile at the exit leaves out where skin changes: `truth` of a head whose halves are not of one skin.
 
-`python -m tests.bench.bench_skin_step OUT [--points N] [--walks N] [--ramp] [--even R] [--of melanin|haemoglobin]`
+`python -m tests.bench.skin_step OUT [--points N] [--walks N] [--ramp] [--even R] [--of melanin|haemoglobin]`
 writes the map and measures. The profile of its left half is three times as wide as that of its right one; or it holds
 six times the melanin, or blood. `--ramp` lets it change along the face instead of at one line, `--even` has it the same
 everywhere.
