@@ -7,6 +7,7 @@ import re
 import pytest
 
 import skinbake
+from skinbake.diffuse import light_entering
 from skinbake.errors import MachineError
 from skinbake.relight import scattering, transfer
 
@@ -33,13 +34,15 @@ def test_what_does_not_fit_is_refused(baked, monkeypatch):
 
 
 def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
-    """What lies behind thin parts is traced once an atlas, for any number of lights; bounces leave it a part."""
+    """Skin looks around once an atlas for any number of lights, through thin parts, too; bounces leave these a part."""
     calls = []
     once = scattering.ThinParts.of
     monkeypatch.setattr(scattering.ThinParts, "of", lambda *args: calls.append(args) or once(*args))
+    monkeypatch.setattr(light_entering, "look_around", lambda *_: pytest.fail("each bake that judges looks around"))
     made = baked("terms.transmission=auto", "terms.interreflection=auto", "diffusion.method=auto", "relight.textures=9")
     assert len(made.plan) > 3
     why = {line.term: line.why for line in made.plan}
     left = [float(re.search(pattern, why[f"relight.{term}"])[1]) for term, pattern in LEFT]
     assert 0 < left[0] < left[1] * 1.0001 < 1.0
+    assert "relight.interreflection" in {line.term for line in made.plan if line.enabled}
     assert len(calls) == 1 + ("relight.transmission" in {line.term for line in made.plan if line.enabled})
