@@ -1,6 +1,7 @@
 """Seconds that the stages of a bake take, from what there is to do: texels, lights, directions, tolerance, triangles.
 
-Fitted to bakes of the sample head at 512^2 to 2048^2 and tolerances of .05 to .003 on two cores of a 2.6 GHz server.
+Fitted to bakes of the sample head, of one skin and of one that varies, at 512^2 to 2048^2 and tolerances of .05 to .003
+on two cores of a 2.6 GHz server.
 Another machine differs by a factor a stage, which `skinbake.baking.pace` learns from its own bakes.
 """
 
@@ -60,7 +61,7 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
         + directions * (13e-4 + 27e-4 * megatexels**0.75),
         "diffuse": 0.5
         + 3 * triangles
-        + (0.5 + 0.5 * lights) * megatexels * work.lobes / 6
+        + (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 * _exactness(budget)
         + _between_skin(spec, budget),
         "preview": 1.0 + 0.35 * megatexels**0.7,
         "write": 0.02 + 0.25 * megatexels,
@@ -79,7 +80,12 @@ def _directions(asked: int | None, budget: Budget) -> float:
     if asked is not None:
         return float(asked)
     ratio = 0.0076 / max(budget.sky, 1e-9)
-    return float(min(max(256 * ratio ** (1.6 if ratio > 1 else 0.9), 16), 4096))
+    return float(min(max(256 * ratio ** (1.9 if ratio > 1 else 0.9), 16), 4096))
+
+
+def _exactness(budget: Budget) -> float:
+    """How much longer lobes take whose sums are closer than those of a tolerance of .01: clusters are smaller."""
+    return max((0.005 / max(budget.blur, 1e-9)) ** 0.7, 1.0)
 
 
 def _between_skin(spec: SceneSpec, budget: Budget) -> float:

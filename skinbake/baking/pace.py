@@ -16,6 +16,7 @@ from pathlib import Path
 from skinbake.baking.cost_model import Work, stage_seconds
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.stage_log import StageLog
+from skinbake.diffuse.scatter import LIKELY_LOBES
 from skinbake.errors import SkinbakeError
 from skinbake.io.atomic import write_text
 from skinbake.io.code_digest import code_digest
@@ -41,7 +42,8 @@ def rule_of_thumb(spec: SceneSpec, budget: Budget | None = None) -> dict[str, fl
     budget : Budget, optional
         Where the texture's size is decided: `spec` is then at that size.
     """
-    return stage_seconds(spec, budget or budget_of(spec), Work(tiles=2 if spec.texture.udim else 1))
+    work = Work(2 if spec.texture.udim else 1, spec.skin.fit.gaussians or LIKELY_LOBES)
+    return stage_seconds(spec, budget or budget_of(spec), work)
 
 
 def paced(seconds: Mapping[str, float]) -> dict[str, float]:

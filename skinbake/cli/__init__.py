@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import sys
+from contextlib import suppress
+from typing import NoReturn
 
 from skinbake import interrupt
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str] | None = None) -> NoReturn:
     """Run a verb; every expected failure ends as a message and an exit code, never as a traceback."""
     interrupt.install()  # before anything is imported that takes time
     code = run(arguments)
     interrupt.finish()
-    sys.exit(code)
+    _leave(code)
+
+
+def _leave(code: int) -> NoReturn:
+    """End the process without taking it apart: kernels and libraries, object by object, took 0.7 s of a bake."""
+    atexit._run_exitfuncs()  # what was left for the end, as of `multiprocessing`; there is no public name
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):  # whoever read it has gone, or it is closed
+            stream.flush()
+    os._exit(code)
 
 
 def run(arguments: list[str] | None = None) -> int:

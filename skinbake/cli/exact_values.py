@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.numerics import Float
 from skinbake.scene.spec import SceneSpec
+
+if TYPE_CHECKING:
+    from skinbake.diffuse.probes import Probes
+    from skinbake.diffuse.skin_geometry import SkinGeometry
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,31 @@ class Probed:
     position_mm: Float
     normal: NDArray[np.float32]
     texture_mm2: NDArray[np.float32]
+
+
+def drawn_points(spec: SceneSpec, count: int) -> Probed:
+    """Points drawn as a bake of this look draws those that it verifies itself with; no light is traced.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    count : int
+        How many.
+    """
+    from skinbake.atlas.look_atlas import look_atlas
+    from skinbake.diffuse.draw_probes import draw_probes
+    from skinbake.diffuse.skin_geometry import SkinGeometry
+    from skinbake.io.scene_files import read_scene
+
+    mesh = read_scene(spec).mesh
+    geometry = SkinGeometry(look_atlas(spec.texture, mesh), mesh)
+    return _probed(geometry, draw_probes(geometry, count, spec.output.seed))
+
+
+def _probed(geometry: SkinGeometry, probes: Probes) -> Probed:
+    """Where probes are, in the mesh's millimetres, for textures of any size."""
+    own = probes.position + geometry.centre_mm
+    return Probed(probes.place, probes.tile, own, probes.normal, probes.texel_mm2 * np.prod(geometry.size))
 
 
 def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple[Float, Probed]:
@@ -85,8 +114,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     resources_of_wide = LobeResources(of_wide, geometry, spec.diffusion, share) if of_wide else resources
     if at is None:
         probes = draw_probes(geometry, count, spec.output.seed)
-        own = probes.position + geometry.centre_mm
-        at = Probed(probes.place, probes.tile, own, probes.normal, probes.texel_mm2 * np.prod(geometry.size))
+        at = _probed(geometry, probes)
     else:
         probes = Probes(
             at.tile,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.cli.exact_values import Probed, exact_values, stored_values
+from skinbake.cli.exact_values import Probed, drawn_points, exact_values, stored_values
 from skinbake.errors import MachineError, ToleranceMissedError
 from skinbake.io.atomic import temporary_folder
 from skinbake.scene.spec import SceneSpec
@@ -59,6 +59,26 @@ def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str,
         if picture:
             found["picture"] = _picture(Path(folder))
         return found
+
+
+def measure_near_exact(spec: SceneSpec, probes: int) -> dict[str, Any]:
+    """Light and picture of one bake that is so fine that others may be judged by it.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+        With a tight tolerance.
+    probes : int
+        How many points to draw.
+
+    Returns
+    -------
+    dict
+        values (P, 3), at (the `Probed`), and picture.
+    """
+    at = drawn_points(spec, probes)
+    found = measure_bake(spec, at, True)
+    return {"values": found["values"], "at": at, "picture": found["picture"]}
 
 
 def measure_reference(spec: SceneSpec, probes: int, picture: bool, at: Probed | None = None) -> dict[str, Any]:

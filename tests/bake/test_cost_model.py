@@ -7,7 +7,7 @@ import json
 import pytest
 
 from skinbake.baking import pace
-from skinbake.baking.cost_model import Work, stage_seconds
+from skinbake.baking.cost_model import WALL, Work, stage_seconds
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
@@ -16,14 +16,18 @@ from skinbake.scene.budget import budget_of
 from tests.conftest import ROOT
 
 WITHIN = 1.5
-# Processor seconds of the sample head on a busy two-core machine, by size and tolerance: what the model was fitted to
+# Processor seconds of the sample head on a busy two-core machine, by look, size and tolerance, from reading to the last
+# file: what the model was fitted to. The last one works at half of 2048 x 2048
 TAKEN = {
-    (512, 0.01): 6.4, (512, 0.003): 15.7, (1024, 0.01): 9.2, (1024, 0.003): 23.2, (2048, 0.01): 20.0,
+    ("head_plain", 512, 0.01): 6.4, ("head_plain", 512, 0.003): 15.7,
+    ("head_plain", 1024, 0.01): 9.2, ("head_plain", 1024, 0.003): 23.2, ("head_plain", 2048, 0.01): 20.0,
+    ("head", 1024, 0.01): 9.2, ("head", 1024, 0.003): 28.3, ("head", 2048, 0.003): 64.0, ("head", 1024, 0.05): 7.4,
 }  # fmt: skip
+LOST = {0.05: 0.037}  # by that half
 
 
-def head(size, tolerance):
-    return load_look(ROOT / "configs" / "head_plain.yaml", [f"texture.size={size}", f"tolerance={tolerance}"])
+def head(size, tolerance, look="head_plain"):
+    return load_look(ROOT / "configs" / f"{look}.yaml", [f"texture.size={size}", f"tolerance={tolerance}"])
 
 
 def total(spec, **work):
@@ -33,7 +37,9 @@ def total(spec, **work):
 @pytest.mark.parametrize("case", TAKEN, ids=str)
 def test_the_sample_head_is_predicted(case):
     """Within a factor of 1.5, the stages together."""
-    expected = total(head(*case)) / 0.65
+    look, size, tolerance = case
+    spec = head(size, tolerance, look)
+    expected = sum(pace.rule_of_thumb(spec, budget_of(spec, LOST.get(tolerance, 0.0))).values()) / WALL
     assert TAKEN[case] / WITHIN < expected < TAKEN[case] * WITHIN
 
 

@@ -75,14 +75,10 @@ def _told(event: Any) -> dict[str, str]:
 
 def record(command: list[str], file: Path) -> None:
     """Run the command line in this process, and write what was compiled."""
-    from skinbake.cli import main
+    from skinbake.cli import run
 
     compilations = Compilations()
-    code = 0
-    try:
-        main(command)
-    except SystemExit as done:
-        code = int(done.code or 0)
+    code = run(command)
     usage: dict[str, Any] = {"code": code, "cpu": time.process_time(), "rows": list(compilations.rows)}
     usage["yardstick"] = seconds_of_yardstick()
     file.write_text(json.dumps(usage))
