@@ -33,9 +33,7 @@ class ProfileStage(Stage[FitReport | KeptFit, GaussianSum]):
 
     def compute(self) -> FitReport | KeptFit:
         """The fit with its figures: one that any folder's bake has made before, else made now."""
-        found = kept_fit(self.key())
-        self.reused = found is not None
-        return found or self._inputs.fit
+        return kept_fit(self.key()) or self._inputs.fit
 
     def store(self, made: FitReport | KeptFit) -> GaussianSum:
         """Keep the fit, and give its Gaussians."""
