@@ -5,8 +5,10 @@ from __future__ import annotations
 import ctypes
 import os
 import resource
+import shutil
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 from skinbake.errors import MachineError
 
@@ -62,6 +64,12 @@ def return_freed() -> None:
     if sys.platform.startswith("linux"):
         with suppress(OSError, AttributeError):
             ctypes.CDLL("libc.so.6").malloc_trim(0)
+
+
+def free_disk_bytes(folder: Path) -> int:
+    """Bytes that are free on the disk where a folder is, or will be."""
+    folder = folder.absolute()
+    return shutil.disk_usage(next(each for each in (folder, *folder.parents) if each.exists())).free
 
 
 def physical_memory_bytes() -> int:

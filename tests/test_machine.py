@@ -11,7 +11,7 @@ import pytest
 from skinbake.cli.child_process import in_child
 from skinbake.errors import MachineError
 from skinbake.irradiance.occluder import Occluder
-from skinbake.machine import require_memory, reuse_freed
+from skinbake.machine import free_disk_bytes, require_memory, reuse_freed
 from tests.conftest import ROOT
 from tests.shapes import quad
 
@@ -73,3 +73,10 @@ def test_a_verb_says_what_its_libraries_need():
     done = subprocess.run(command, cwd=ROOT, preexec_fn=limit, capture_output=True, text=True, timeout=60)
     assert done.returncode == 3
     assert done.stderr.startswith("skinbake: loading its libraries needs 350 MiB, and the limit of this process")
+
+
+def test_free_disk_is_that_of_where_a_folder_will_be(tmp_path):
+    """Also before it is made."""
+    free = free_disk_bytes(tmp_path)
+    assert free > 0
+    assert abs(free_disk_bytes(tmp_path / "not" / "yet") - free) < 1 << 33

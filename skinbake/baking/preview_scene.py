@@ -23,6 +23,19 @@ from skinbake.stored_precision import as_stored
 MOST_TEXELS = 4096  # of a texture along a side: a picture shows no more, and software OpenGL has them in memory
 
 
+def picture_bytes(size: tuple[int, ...], lights: int, tiles: int = 1) -> int:
+    """Memory of the textures of a bake's picture with software OpenGL, without maps; fitted to the sample head.
+
+    Parameters
+    ----------
+    size : (height, width)
+        Of the baked textures.
+    lights, tiles : int
+        How many of them.
+    """
+    return min(size[0], MOST_TEXELS) * min(size[1], MOST_TEXELS) * tiles * (53 + 15 * lights)
+
+
 def scene_of(
     spec: SceneSpec,
     decisions: Decisions,

@@ -238,6 +238,7 @@ def expected(
     """
     from skinbake.baking.cost_model import START_S, Work, stage_seconds
     from skinbake.baking.pace import paced
+    from skinbake.baking.preview_scene import picture_bytes
     from skinbake.diffuse.memory import LOADED_BYTES, memory_needed_bytes
     from skinbake.diffuse.methods import METHODS
     from skinbake.diffuse.planning.rules import stored_level
@@ -274,7 +275,7 @@ def expected(
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
     # Lights stored summed are blurred summed; drawn are the sum of each lobe, and maps and irradiance as they are
     needed = memory_needed_bytes(spec.texture.size, 1 if summed else lights, tiles, on_disk=True) / 2**20
-    needed = max(needed + megatexels * 8 * (lights - 1 if summed else 0), images_mib + megatexels * (80 + 15 * lights))
+    needed = max(needed, images_mib + picture_bytes(spec.texture.size, lights, tiles) / 2**20)
     needed = needed if lights else images_mib
     relight = {}
     if spec.relight is not None and not spec.relight.reuse:

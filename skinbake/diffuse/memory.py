@@ -7,6 +7,7 @@ from skinbake.errors import MachineError
 from skinbake.machine import physical_memory_bytes
 
 LOADED_BYTES = 505 << 20  # libraries, compiled kernels, OpenGL and its picture, besides all textures
+READ_BYTES = 560 << 20  # of temporary files, that are in memory at a time: `io.spool` lets them go then
 
 
 def memory_needed_bytes(
@@ -40,8 +41,8 @@ def memory_needed_bytes(
 
     Notes
     -----
-    On disk: fitted to the sample head at 2048^2 and 4096^2 with three lights. The share of L is that of the arrays of
-    its peaks: the tree of texels (23 + 9 L), made of points (39) and light (12 L), and a lobe (12 L).
+    On disk: what steps read, up to `READ_BYTES`, and what they make beside it, fitted to the sample head at 1024^2 to
+    8192^2 with three lights: light that enters (30), or a lobe that is rounded (12 + 6 L).
 
     In memory, an upper estimate from the arrays that live together, per texel and tile: the atlas 20 bytes and the
     source 12 L are the caller's; each lobe kept at full size is 6 (L + 1), as halves with their sum (the three
@@ -54,7 +55,7 @@ def memory_needed_bytes(
     texels = size[0] * size[1] * tiles
     again = (12 + 4 + 16 + 12) * lights if beam else 0
     if on_disk:
-        return int(texels * (86 + 30 * lights + again))
+        return int(min(160 * texels, READ_BYTES) + texels * max(30, 12 + 6 * lights))
     kept = min(lobes, 3.5) * 6 * (lights + 1)
     per_texel = 20 + 12 * lights + kept
     surface = 52 + 1.5 * (32 + 12 * lights) + 11 + 4 * lights + 4
@@ -62,6 +63,19 @@ def memory_needed_bytes(
     fixed = method_asked_for(method)
     per_texel += max(each.memory_bytes_per_texel(lights) for each in ([fixed] if fixed else METHODS.values()))
     return int(texels * (per_texel + again))
+
+
+def disk_needed_bytes(size: tuple[int, ...], lights: int, tiles: int = 1) -> int:
+    """Temporary files of a bake, at their most; fitted to the sample head at 1024^2 and 4096^2.
+
+    Parameters
+    ----------
+    size : (height, width)
+        Of the texture.
+    lights, tiles : int
+        How many of them.
+    """
+    return size[0] * size[1] * tiles * (100 + 100 * lights)
 
 
 def check_memory(
@@ -72,6 +86,7 @@ def check_memory(
     method: str,
     beam: bool = False,
     on_disk: bool = False,
+    otherwise: str = "",
 ) -> None:
     """Refuse early what this machine cannot hold.
 
@@ -79,6 +94,8 @@ def check_memory(
     ----------
     size, lights, tiles, lobes, method, beam, on_disk
         See `memory_needed_bytes`.
+    otherwise : str
+        What else to change, in words.
 
     Raises
     ------
@@ -91,5 +108,5 @@ def check_memory(
         raise MachineError(
             f"diffusion of {tiles} x {size[1]} x {size[0]} texels, {lights} light(s), needs about "
             f"{needed / 2**30:.0f} GiB of memory, this machine has {there / 2**30:.0f} GiB: lower texture.size, or set "
-            "output.lights to total"
+            f"output.lights to total{otherwise}"
         )

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from math import sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from skinbake.diffuse.diffuse import diffuse
 from skinbake.diffuse.diffuse_map import DiffuseMap
 from skinbake.diffuse.light_entering import EnteredSkin, LightEntering, light_entering
 from skinbake.diffuse.memoize import Kind, Make, Values
-from skinbake.diffuse.memory import check_memory
+from skinbake.diffuse.memory import check_memory, disk_needed_bytes
 from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.curvature import curve_skin
@@ -26,7 +27,7 @@ from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
-from skinbake.machine import return_freed
+from skinbake.machine import free_disk_bytes, return_freed
 from skinbake.profile import GaussianSum
 from skinbake.profile.fit import more_gaussians
 from skinbake.profile.incidence import Incidence
@@ -249,4 +250,12 @@ def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int, on_disk:
     """
     lights = len(decisions.stored_lights)
     shifted = spec.terms.beam != "off" and bool(skin_medium(spec.skin).layers)
-    check_memory(spec.texture.size[::-1], lights, tiles, LIKELY_LOBES, spec.diffusion.method, shifted, on_disk)
+    size, otherwise = spec.texture.size[::-1], ""
+    if on_disk:
+        folder, files = Path(spec.output.dir), disk_needed_bytes(size, lights, tiles)
+        free = free_disk_bytes(folder)
+        if files > free:  # what the disk does not take stays in memory
+            on_disk = False
+            room = f"{files / 2**30:.0f} GiB of temporary files in {folder} ({free / 2**30:.0f} free)"
+            otherwise = f", or make room for {room}"
+    check_memory(size, lights, tiles, LIKELY_LOBES, spec.diffusion.method, shifted, on_disk, otherwise)

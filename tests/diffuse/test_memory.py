@@ -2,8 +2,12 @@
 
 import pytest
 
-from skinbake.diffuse.memory import check_memory, memory_needed_bytes
+from skinbake.diffuse import memory, scatter
+from skinbake.diffuse.memory import LOADED_BYTES, check_memory, memory_needed_bytes
+from skinbake.diffuse.scatter import refuse_too_large
 from skinbake.errors import MachineError
+from skinbake.irradiance.decide import decide
+from skinbake.scene.spec import SceneSpec
 
 
 def test_too_much_memory_is_refused_with_the_amount():
@@ -11,6 +15,35 @@ def test_too_much_memory_is_refused_with_the_amount():
     assert memory_needed_bytes((8192, 8192), 1) < 24 * 2**30
     with pytest.raises(MachineError, match=r"needs about \d+ GiB"):
         check_memory((1 << 17, 1 << 17), 4, 1, 6, "auto")
+
+
+def test_temporary_files_take_the_place_of_memory():
+    """8192^2 of three lights within 8 GiB; what is read at a time does not grow with the texture."""
+    sizes = [memory_needed_bytes((n, n), 3, on_disk=True) for n in (1024, 2048, 4096, 8192)]
+    assert sizes[-1] < 8 * 2**30 - LOADED_BYTES
+    assert sizes[-1] < 0.2 * memory_needed_bytes((8192, 8192), 3)
+    assert sizes[3] - sizes[2] < 4 * sizes[2] < 16 * sizes[1] < 64 * sizes[0]
+    assert memory_needed_bytes((8192, 8192), 6, on_disk=True) > sizes[-1]
+
+
+def test_a_disk_without_room_is_refused_where_memory_would_not_do(tmp_path, monkeypatch):
+    """A look that memory holds is baked there."""
+    look = {
+        "mesh": {"path": "m.obj", "unit": "mm"},
+        "skin": {"model": "gaussians", "variance_mm2": [1.0], "weight_rgb": [[1.0, 1.0, 1.0]]},
+        "lights": [{"name": "key", "type": "directional", "direction": [0, 0, -1], "irradiance": [1, 1, 1]}],
+        "output": {"dir": str(tmp_path / "not" / "yet")},
+    }
+    small, large = (SceneSpec.model_validate(look | {"texture": {"size": size}}) for size in (512, 16384))
+    monkeypatch.setattr(scatter, "free_disk_bytes", lambda folder: 1 << 30)
+    refuse_too_large(small, decide(small), 1)
+    with pytest.raises(MachineError, match=r"or make room for 50 GiB of temporary files in .*not/yet \(1 free\)"):
+        refuse_too_large(large, decide(large), 1)
+    monkeypatch.setattr(scatter, "free_disk_bytes", lambda folder: 1 << 40)
+    monkeypatch.setattr(memory, "physical_memory_bytes", lambda: 12 << 30)
+    refuse_too_large(large, decide(large), 1)
+    with pytest.raises(MachineError, match=r"needs about \d+ GiB of memory, this machine has 12 GiB"):
+        refuse_too_large(large, decide(large), 1, on_disk=False)
 
 
 def test_light_that_is_shifted_is_held_twice():
