@@ -42,7 +42,7 @@ def memory_needed_bytes(
     Notes
     -----
     On disk: what steps read, up to `READ_BYTES`, and what they make beside it, fitted to the sample head at 1024^2 to
-    8192^2 with three lights: light that enters (30), or a lobe that is rounded (12 + 6 L).
+    8192^2 with three lights: light that enters (30, 58 where some is shifted), or a lobe that is rounded (12 + 6 L).
 
     In memory, an upper estimate from the arrays that live together, per texel and tile: the atlas 20 bytes and the
     source 12 L are the caller's; each lobe kept at full size is 6 (L + 1), as halves with their sum (the three
@@ -55,7 +55,8 @@ def memory_needed_bytes(
     texels = size[0] * size[1] * tiles
     again = (12 + 4 + 16 + 12) * lights if beam else 0
     if on_disk:
-        return int(min(160 * texels, READ_BYTES) + texels * max(30, 12 + 6 * lights))
+        entering = 58 if beam else 30
+        return int(min(160 * texels, READ_BYTES) + texels * max(entering, 12 + 6 * lights))
     kept = min(lobes, 3.5) * 6 * (lights + 1)
     per_texel = 20 + 12 * lights + kept
     surface = 52 + 1.5 * (32 + 12 * lights) + 11 + 4 * lights + 4
@@ -65,7 +66,7 @@ def memory_needed_bytes(
     return int(texels * (per_texel + again))
 
 
-def disk_needed_bytes(size: tuple[int, ...], lights: int, tiles: int = 1) -> int:
+def disk_needed_bytes(size: tuple[int, ...], lights: int, tiles: int = 1, beam: bool = False) -> int:
     """Temporary files of a bake, at their most; fitted to the sample head at 1024^2 and 4096^2.
 
     Parameters
@@ -74,8 +75,10 @@ def disk_needed_bytes(size: tuple[int, ...], lights: int, tiles: int = 1) -> int
         Of the texture.
     lights, tiles : int
         How many of them.
+    beam : bool
+        As of `memory_needed_bytes`.
     """
-    return size[0] * size[1] * tiles * (100 + 100 * lights)
+    return size[0] * size[1] * tiles * (100 + (145 if beam else 100) * lights)
 
 
 def check_memory(

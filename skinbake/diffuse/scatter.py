@@ -231,6 +231,11 @@ def table_decision(gaussians: GaussianSum, table: WeightTable, skin: SkinSpec) -
     return Decision("skin varies", True, why)
 
 
+def may_shift_light(spec: SceneSpec) -> bool:
+    """Whether wider lobes of a look may blur another light than narrow ones do (`terms.beam`)."""
+    return spec.terms.beam != "off" and bool(skin_medium(spec.skin).layers)
+
+
 def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int, on_disk: bool = True) -> None:
     """Stop before anything is rasterised that this machine cannot hold.
 
@@ -249,10 +254,10 @@ def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int, on_disk:
         More memory is needed than there is.
     """
     lights = len(decisions.stored_lights)
-    shifted = spec.terms.beam != "off" and bool(skin_medium(spec.skin).layers)
+    shifted = may_shift_light(spec)
     size, otherwise = spec.texture.size[::-1], ""
     if on_disk:
-        folder, files = Path(spec.output.dir), disk_needed_bytes(size, lights, tiles)
+        folder, files = Path(spec.output.dir), disk_needed_bytes(size, lights, tiles, shifted)
         free = free_disk_bytes(folder)
         if files > free:  # what the disk does not take stays in memory
             on_disk = False
