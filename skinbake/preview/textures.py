@@ -185,6 +185,7 @@ class TileTextures:
         if tile in scene.open_sky:
             self._images["open_sky"] = scene.open_sky[tile]
         self._normal_kind = maps.normal_strength, maps.normal_space
+        self._first = _first_of_same(self._images)
         self._own: dict[str, int] = {}
         self._shared = shared  # of all tiles; whoever gave it may change it
         self.names = (*self._images, *self._shared)
@@ -194,6 +195,7 @@ class TileTextures:
         """OpenGL name of a sampler's texture; sending it binds it to the active unit."""
         if name in self._shared:
             return self._shared[name]
+        name = self._first.get(name, name)
         if name not in self._own:
             image = self._images[name]
             levels = name == "normal_map" and self.has_normal_map
@@ -216,6 +218,14 @@ class TileTextures:
         """Free the textures that only this tile uses."""
         GL.glDeleteTextures(list(self._own.values()))
         self._own = {}
+
+
+def _first_of_same(images: Mapping[str, NDArray[np.floating]]) -> dict[str, str]:
+    """For each lobe, the first one of the very same pixels: several may be the light itself, which is sent once."""
+    first: dict[tuple[object, ...], str] = {}
+    lobes = {name: image for name, image in images.items() if name.startswith("lobe_")}
+    return {name: first.setdefault((image.ctypes.data, image.shape, image.strides, image.dtype), name)
+            for name, image in lobes.items()}  # fmt: skip
 
 
 def upload_oil_albedo(specular: SpecularSpec) -> int:
