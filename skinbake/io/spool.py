@@ -11,7 +11,7 @@ import os
 import threading
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 from weakref import WeakSet, ref
 
 import numpy as np
@@ -97,9 +97,9 @@ class Spool:
             return None
         try:
             with TemporaryFile(dir=self._folder) as file:
-                os.posix_fallocate(file.fileno(), 0, size)  # or a full disk would end the process at a write
+                _reserve(file, size)  # or a full disk would end the process at a write
                 content = mmap.mmap(file.fileno(), size)  # shared: what is changed is not lost by `rest`
-        except (OSError, AttributeError):  # an AttributeError: a system without `posix_fallocate`
+        except OSError:
             return None
         self._add(content)
         return content
@@ -115,6 +115,22 @@ class Spool:
             self._watched |= watch
         if watch:
             threading.Thread(target=_watch, args=(ref(self), self._most_read), name="spool", daemon=True).start()
+
+
+def _reserve(file: IO[bytes], size: int) -> None:
+    """Make a new file as large as it will be, with room for it on the disk.
+
+    Raises
+    ------
+    OSError
+        There is no room.
+    """
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.fileno(), 0, size)
+        return
+    for begin in range(0, size, _AT_ONCE):
+        file.write(bytes(min(_AT_ONCE, size - begin)))
+    file.flush()
 
 
 def _memory_of(values: NDArray[Any]) -> object:

@@ -72,6 +72,16 @@ def test_arrays_are_made_in_files_and_kept_as_they_are(tmp_path):
     assert Spool().zeros((3, 2), np.int32).tolist() == [[0, 0]] * 3
 
 
+def test_a_system_that_reserves_no_room_writes_zeros(tmp_path, monkeypatch):
+    """In pieces."""
+    monkeypatch.delattr(os, "posix_fallocate")
+    monkeypatch.setattr("skinbake.io.spool._AT_ONCE", 1 << 20)
+    made = Spool(tmp_path).zeros((3, 1000, 777), np.float16)
+    assert not made.any()
+    made[:] = 7
+    assert (Spool(tmp_path).keep(LARGE) == LARGE).all()
+
+
 def test_a_full_disk_leaves_arrays_in_memory(tmp_path, monkeypatch):
     """Found before the first value is written, which would end the process."""
 
