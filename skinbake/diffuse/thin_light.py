@@ -87,17 +87,16 @@ def sent_on(
     sources = [_source_shape(raster, scene.mesh) for raster in atlas]
     total = [weights.total_image(raster.tile, raster.shape) for raster in atlas]
     tiles = {raster.tile: through.rgb.pop(raster.tile) for raster in atlas}
+    leaving = _leaving(lobes, weights, atlas, sources, rest)
     for i, name in enumerate(names):
         if name not in skin_light.gain:
             continue
         sent, square, area = [], 0.0, 0.0
-        for raster, shape, colour, light, share in zip(atlas, sources, albedo, entered.tiles, total, strict=True):
+        for raster, shape, colour, light, share, blurred in zip(
+            atlas, sources, albedo, entered.tiles, total, leaving, strict=True
+        ):
             known = _at_middles(light[i : i + 1], shape)[0] * fitted(share, shape)
-            more = _at_middles(tiles[raster.tile][i : i + 1], shape)[0] - known
-            for k, lobe in enumerate(lobes):
-                blurred = _at_middles(lobe.rgb[raster.tile][i : i + 1], shape)[0]
-                more += blurred * fitted(weights.image(k, raster.tile, raster.shape), shape)
-                rest()
+            more = _at_middles(tiles[raster.tile][i : i + 1], shape)[0] - known + blurred[i]
             # Skin is lit by what is shown, which is what is stored times the rest of the albedo
             sent.append(more * fitted(colour, shape) ** (1 - before))
             of = fitted(raster.area_mm2[..., None], shape)
@@ -113,6 +112,34 @@ def sent_on(
             image = tiles[raster.tile][i]
             image[at] = np.maximum(image[at] + more, 0)  # next to a shadow, lit skin sends less than it gets
     return replace(through, rgb=tiles)
+
+
+def _leaving(
+    lobes: tuple[Lobe, ...],
+    weights: SkinWeights,
+    atlas: Sequence[AtlasRaster],
+    sources: Sequence[tuple[int, int]],
+    rest: Callable[[], None],
+) -> list[Image]:
+    """Weighted sum of the lobes at the texels that send, (L, h, w, 3) a tile.
+
+    Parameters
+    ----------
+    lobes : tuple of Lobe
+    weights : SkinWeights
+    atlas : sequence of AtlasRaster
+        Of transmitted light.
+    sources : sequence of (h, w)
+        Shapes of the textures that send.
+    rest : callable
+        As in `sent_on`.
+    """
+    out = [np.zeros((1, 1, 1, 3), np.float32) for _ in atlas]
+    for k, lobe in enumerate(lobes):
+        for place, (raster, shape) in enumerate(zip(atlas, sources, strict=True)):
+            out[place] = out[place] + _at_middles(lobe.rgb[raster.tile], shape) * weights.image(k, raster.tile, shape)
+        rest()
+    return out
 
 
 def _source_shape(raster: AtlasRaster, mesh: SkinMesh) -> tuple[int, int]:
