@@ -42,7 +42,7 @@ def memory_needed_bytes(
     Notes
     -----
     On disk: what steps read, up to `READ_BYTES`, and what they make beside it, fitted to the sample head at 1024^2 to
-    8192^2 with three lights: light that enters (30, 58 where some is shifted), or a lobe that is rounded (12 + 6 L).
+    8192^2 with three lights: light that enters (30, 45 where some is shifted), or a lobe that is rounded (12 + 6 L).
 
     In memory, an upper estimate from the arrays that live together, per texel and tile: the atlas 20 bytes and the
     source 12 L are the caller's; each lobe kept at full size is 6 (L + 1), as halves with their sum (the three
@@ -55,7 +55,7 @@ def memory_needed_bytes(
     texels = size[0] * size[1] * tiles
     again = (12 + 4 + 16 + 12) * lights if beam else 0
     if on_disk:
-        entering = 58 if beam else 30
+        entering = 45 if beam else 30
         return int(min(160 * texels, READ_BYTES) + texels * max(entering, 12 + 6 * lights))
     kept = min(lobes, 3.5) * 6 * (lights + 1)
     per_texel = 20 + 12 * lights + kept
