@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ Index = NDArray[np.int64]
 RECEIVER_MM = 2.0  # texels that receive bounced light
 LOOKING, MORE = 32, 64  # rays that look whether there is skin at all; rays where there is
 
+_RAYS_AT_ONCE = 1 << 20
 _R2 = 0.7548776662466927, 0.5698402909980532  # [Roberts2018]
 
 
@@ -119,16 +120,30 @@ def look_around(
             mesh, occluder, size, udim, point[near], normal[near], flat[near], rays[0], rays[1] - rays[0]
         )
         seen_tile, seen = (np.concatenate([a[near], b], axis=1) for a, b in zip(first, more, strict=True))
+        del first, more  # of fine texels and many rays a gigabyte
         parts.append((np.full(len(near), k, np.int32), flat[near], seen_tile, seen))
-    tile, texel, seen_tile, seen = (np.concatenate(each) for each in zip(*parts, strict=True))
+        del seen_tile, seen
     texels = size[0] * size[1]
-    hit = seen != NOTHING
-    place = seen_tile[hit].astype(np.int64) * texels + seen[hit]
     among = np.zeros(len(atlas) * texels, np.bool_)
-    among[place] = True
-    seen[hit] = (np.cumsum(among, dtype=np.int32) - 1)[place]
+    for _, _, seen_tile, seen in parts:
+        for block in _blocks(seen):
+            hit = seen[block] != NOTHING
+            among[seen_tile[block][hit].astype(np.int64) * texels + seen[block][hit]] = True
+    number = np.cumsum(among, dtype=np.int32) - 1
+    for _, _, seen_tile, seen in parts:
+        for block in _blocks(seen):
+            hit = seen[block] != NOTHING
+            seen[block][hit] = number[seen_tile[block][hit].astype(np.int64) * texels + seen[block][hit]]
     met = tuple(np.flatnonzero(of_tile) for of_tile in among.reshape(len(atlas), texels))
+    tile, texel = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
+    seen = parts[0][3] if len(parts) == 1 else np.concatenate([part[3] for part in parts])
     return SkinView(atlas, tile, texel, seen, met, size[::-1])
+
+
+def _blocks(rays: NDArray[np.int32]) -> Iterator[slice]:
+    """Rows of an array (n, rays), some at a time."""
+    at_once = max(1, _RAYS_AT_ONCE // max(rays.shape[1], 1))
+    return (slice(start, start + at_once) for start in range(0, len(rays), at_once))
 
 
 def trace_cosine(
@@ -159,16 +174,16 @@ def trace_cosine(
     first, count : int
         The first ray of the sequence, and how many.
     """
-    origin = np.empty((len(point) * count, 3), np.float32)
-    direction = np.empty_like(origin)
     step = np.float32(0.01 + 32 * occluder.spacing_mm)
-    points, sequence = _Points(point, normal, flat), _Sequence(first, count, step)
-    parallel_for(_aim, len(point), points, sequence, origin, direction)
-    tile, texel = np.empty((2, len(origin)), np.int32)
-    for start in range(0, len(origin), 1 << 20):
-        part = slice(start, start + (1 << 20))
-        tile[part], texel[part] = locate_hits(mesh, occluder, size, udim, origin[part], direction[part])
-    return tile.reshape(-1, count), texel.reshape(-1, count)
+    tile, texel = np.empty((2, len(point), count), np.int32)
+    for part in _blocks(tile):  # a ray takes 24 bytes, what it meets 8
+        points = _Points(point[part], normal[part], flat[part])
+        origin = np.empty((len(points.point) * count, 3), np.float32)
+        direction = np.empty_like(origin)
+        parallel_for(_aim, len(points.point), points, _Sequence(first, count, step), origin, direction)
+        met = locate_hits(mesh, occluder, size, udim, origin, direction)
+        tile[part], texel[part] = (each.reshape(-1, count) for each in met)
+    return tile, texel
 
 
 class _Points(NamedTuple):
