@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skinbake.diffuse.planning import texture_size
-from skinbake.diffuse.planning.texture_size import at_size, choose_size, detail_lost, may_be_reduced
+from skinbake.diffuse.planning.texture_size import SHARE, at_size, choose_size, detail_lost, may_be_reduced
 from skinbake.io.config import parse_scene
 from skinbake.profile import GaussianSum
+from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.maps import SkinMaps
 from tests.shapes import quad
 
@@ -98,21 +101,42 @@ def test_normals_count_alike_in_tangent_and_in_object_space():
     assert found[0] > 0.02
 
 
+def test_skin_that_varies_loses_what_its_own_lobes_show():
+    """A map of one value loses what skin of these weights does; two halves lose the mean of both squares."""
+    zero, wide, narrow = np.zeros((2, 1, 3)), [[0.0] * 3, [0.0] * 3, [1.0] * 3], [[1.0] * 3, [0.0] * 3, [0.0] * 3]
+    weight = np.array([wide, narrow])[:, None]
+    table = WeightTable(("melanin",), (np.array([0.0, 1.0]), np.zeros(1)), weight, zero, zero[:1], {"melanin": 0.5})
+    varying = replace(SKIN, weight_rgb=weight.mean(axis=(0, 1)), table=table)
+    albedo, halves = speckled(0.4), np.zeros((SIDE, SIDE), np.float32)
+    halves[:, SIDE // 2 :] = 1
+    uniform = [
+        detail_lost(look(), quad(MM, MM), SkinMaps(albedo={1001: albedo}), replace(SKIN, weight_rgb=np.array(each)))[0]
+        for each in (wide, narrow)
+    ]
+    for melanin, wanted, within in (
+        (np.ones_like(halves), uniform[1], 1e-3),
+        (halves, np.hypot(*uniform) / 2**0.5, 0.1),
+    ):
+        maps = SkinMaps(albedo={1001: albedo}, melanin={1001: melanin})
+        assert detail_lost(look(), quad(MM, MM), maps, varying)[0] == pytest.approx(wanted, rel=within)
+    assert uniform[1] > 2 * uniform[0]
+
+
 def test_the_tolerance_decides():
     """The coarsest size within its part of the tolerance; what it loses is the decision's error."""
     mesh, maps = quad(MM, MM), SkinMaps(albedo={1001: speckled(0.4)})
     (lost,) = detail_lost(look(), mesh, maps, SKIN)
-    above, below = (choose_size(look(t), mesh, maps, SKIN) for t in (lost / 0.84, lost / 0.86))
+    above, below = (choose_size(look(t), mesh, maps, SKIN) for t in (lost / (SHARE - 0.01), lost / (SHARE + 0.01)))
     assert above.size == (512, 512)
     assert below.size == (1024, 1024)
     assert not above.decision.enabled
     assert below.decision.enabled
     assert "1024 x 1024 of 1024 x 1024: 512 x 512 loses" in below.decision.why
-    worked = at_size(look(lost / 0.84), above)
+    worked = at_size(look(lost / (SHARE - 0.01)), above)
     assert worked.texture.size == (512, 512)
-    assert worked.diffusion == look(lost / 0.84).diffusion
+    assert worked.diffusion == look(lost / (SHARE - 0.01)).diffusion
     assert (above.decision.error, below.decision.error) == (round(above.lost, 6), 0.0)
-    assert at_size(look(lost / 0.86), below) == look(lost / 0.86)
+    assert at_size(look(lost / (SHARE + 0.01)), below) == look(lost / (SHARE + 0.01))
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import rfft2
+from scipy.fft import irfft2, rfft2
 
 from skinbake.atlas import Tiled, local_uv, signed_uv_area, tile_of_face
 from skinbake.atlas.texel_coordinates import texel_xy
 from skinbake.bilinear import magnify_bilinear, read_bilinear
+from skinbake.diffuse.skin_weights import SkinWeights
+from skinbake.kernels.threads import thread_count
 from skinbake.numerics import Float, normalized
 from skinbake.profile import GaussianSum
 from skinbake.scene.decision import Decision
@@ -25,7 +27,7 @@ from skinbake.scene.spec import SceneSpec
 TIGHT = 0.01  # whoever asks for this, which is the default, or less gets the size that he asks for
 SMALLEST = 512  # texels of the shorter side that are never gone below
 MOST_HALVINGS = 2
-SHARE = 0.85  # of the tolerance that the size may take; the rest is left to others, as a root of squares
+SHARE = 0.9  # of the tolerance that the size may take; the rest is left to others, as a root of squares
 EDGES_PER_MM = 0.012  # rms that edges of light lose a millimetre of texel; two suns on two heads: 0.009 and 0.012
 _PATCHES, _SIDE = 96, 64
 _LIGHT_DEG = 50.0  # from the normal: the mean of what lights a curved skin, weighed by what it brings
@@ -104,7 +106,9 @@ def detail_lost(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
 
     Patches of the texture are drawn by skin area. On each, albedo times the cosine of the mapped normal with slanting
     light is averaged over the larger texels, read back bilinearly, and the difference blurred by the lobes: in the
-    frequency domain, where each multiplies it by a Gaussian. Edges of light add EDGES_PER_MM times the texel's size.
+    frequency domain, where each multiplies it by a Gaussian. Where maps vary the skin, each texel shows the lobes by
+    its own weights: hair keeps more of its detail than the mean skin would. Edges of light add EDGES_PER_MM times the
+    texel's size.
 
     Parameters
     ----------
@@ -124,8 +128,8 @@ class _Detail:
         patches = _draw_patches(spec, mesh)
         albedo, shades = _patch_light(spec, maps, patches)
         self._light = [(albedo * shade[..., None]).astype(np.float32) for shade in shades]
-        self._passed = _transfer(gaussians, patches.mm_per_texel) ** 2 / _SIDE**4
-        self._passed[:, :, 1:-1] *= 2  # the other half of the spectrum of real numbers is the same
+        self._lobes = [_transfer(variance, patches.mm_per_texel) for variance in gaussians.variance_mm2]
+        self._weights = _patch_weights(gaussians, maps, patches)
         window = np.hanning(_SIDE)[:, None] * np.hanning(_SIDE)
         self._window = (window / np.sqrt(np.mean(window**2))).astype(np.float32)[..., None]  # the mean square stays
         self._texel_mm = float(np.median(patches.mm_per_texel))
@@ -137,11 +141,24 @@ class _Detail:
         lost = total = 0.0
         for light in self._light:
             spectrum = rfft2((light - _coarse(light, 1 << halvings)) * self._window, axes=(1, 2))
-            power = spectrum.real**2 + spectrum.imag**2
-            lost += float(np.einsum("kyxc,kyxc->", power, self._passed, dtype=np.float64)) / (3 * _PATCHES)
+            lost += self._seen(spectrum)
             total += float(np.mean(light**2, dtype=np.float64))
         edges = EDGES_PER_MM * self._texel_mm * (1 << halvings)
         return float(np.hypot(np.sqrt(lost / max(total, 1e-300)), edges))
+
+    def _seen(self, spectrum: NDArray[np.complexfloating]) -> float:
+        """Mean square of a difference (K, S, S / 2 + 1, 3) once the lobes have blurred it."""
+        pairs = zip(self._weights, self._lobes, strict=True)
+        if self._weights.ndim == 2:
+            passed = sum(lobe[..., None] * weight for weight, lobe in pairs) ** 2 / _SIDE**4
+            passed[:, :, 1:-1] *= 2  # the other half of the spectrum of real numbers is the same
+            power = spectrum.real**2 + spectrum.imag**2
+            return float(np.einsum("kyxc,kyxc->", power, passed, dtype=np.float64)) / (3 * _PATCHES)
+        shape = (_SIDE, _SIDE)
+        seen = sum(
+            weight * irfft2(spectrum * lobe[..., None], shape, (1, 2), workers=thread_count()) for weight, lobe in pairs
+        )
+        return float(np.mean(np.square(seen), dtype=np.float64))
 
 
 class _Patches(NamedTuple):
@@ -222,12 +239,17 @@ def _coarse(light: NDArray[np.float32], side: int) -> NDArray[np.float32]:
     return read.reshape(_SIDE, _SIDE, _PATCHES, 3).transpose(2, 0, 1, 3)
 
 
-def _transfer(gaussians: GaussianSum, mm_per_texel: Float) -> Float:
-    """What the lobes together leave of each frequency of a patch, (K, S, S / 2 + 1, 3)."""
+def _patch_weights(gaussians: GaussianSum, maps: SkinMaps, patches: _Patches) -> NDArray[np.float32]:
+    """Weights of the lobes as shares of what comes back, (N, 3), or (N, K, S, S, 3) where maps vary the skin."""
+    weights = SkinWeights.of(gaussians, maps).at(
+        np.repeat(patches.tile, _SIDE * _SIDE), patches.place.reshape(-1, 2)
+    )  # fmt: skip
+    shares = (weights / gaussians.weight_rgb.sum(axis=0)).astype(np.float32)
+    return shares if shares.ndim == 2 else shares.reshape(len(shares), *patches.place.shape[:3], 3)
+
+
+def _transfer(variance_mm2: float, mm_per_texel: Float) -> NDArray[np.float32]:
+    """What a lobe leaves of each frequency of a patch, (K, S, S / 2 + 1)."""
     squared = (2 * np.pi) ** 2 * (np.fft.fftfreq(_SIDE)[:, None] ** 2 + np.fft.rfftfreq(_SIDE) ** 2)
-    weight = gaussians.weight_rgb / gaussians.weight_rgb.sum(axis=0)
-    out = np.zeros((len(mm_per_texel), *squared.shape, 3), np.float32)
-    for variance, each in zip(gaussians.variance_mm2, weight, strict=True):
-        texels2 = (variance / np.maximum(mm_per_texel, 1e-9) ** 2)[:, None, None]
-        out += (np.exp(-0.5 * texels2 * squared)[..., None] * each).astype(np.float32)
-    return out
+    texels2 = (variance_mm2 / np.maximum(mm_per_texel, 1e-9) ** 2)[:, None, None]
+    return np.exp(-0.5 * texels2 * squared).astype(np.float32)
