@@ -126,18 +126,34 @@ def look_around(
     texels = size[0] * size[1]
     among = np.zeros(len(atlas) * texels, np.bool_)
     for _, _, seen_tile, seen in parts:
-        for block in _blocks(seen):
-            hit = seen[block] != NOTHING
-            among[seen_tile[block][hit].astype(np.int64) * texels + seen[block][hit]] = True
+        for _, _, place in _hits(seen_tile, seen, texels):
+            among[place] = True
     number = np.cumsum(among, dtype=np.int32) - 1
     for _, _, seen_tile, seen in parts:
-        for block in _blocks(seen):
-            hit = seen[block] != NOTHING
-            seen[block][hit] = number[seen_tile[block][hit].astype(np.int64) * texels + seen[block][hit]]
+        for some, hit, place in _hits(seen_tile, seen, texels):
+            some[hit] = number[place]
     met = tuple(np.flatnonzero(of_tile) for of_tile in among.reshape(len(atlas), texels))
     tile, texel = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
     seen = parts[0][3] if len(parts) == 1 else np.concatenate([part[3] for part in parts])
     return SkinView(atlas, tile, texel, seen, met, size[::-1])
+
+
+def _hits(
+    seen_tile: NDArray[np.int32], seen: NDArray[np.int32], texels: int
+) -> Iterator[tuple[NDArray[np.int32], NDArray[np.bool_], Index]]:
+    """Some rows of `seen` at a time, which of their rays meet skin, and the place in the whole atlas that those meet.
+
+    Parameters
+    ----------
+    seen_tile, seen : ndarrays of shape (n, rays)
+        Tile's place in the atlas and texel of it.
+    texels : int
+        Of a tile.
+    """
+    for block in _blocks(seen):
+        some = seen[block]
+        hit = some != NOTHING
+        yield some, hit, seen_tile[block][hit].astype(np.int64) * texels + some[hit]
 
 
 def _blocks(rays: NDArray[np.int32]) -> Iterator[slice]:
