@@ -1,4 +1,4 @@
-"""What comes back of light at each slant, by the skin's medium: walked once, then kept for every look of the user."""
+"""What comes back of light at each slant, by the skin's medium: found once, then kept for every look of the user."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from skinbake.profile.skin_medium import SkinMedium, medium_incidence
 
 
 def incidence_table(medium: SkinMedium, say: Callable[[str], None] = lambda _: None) -> Incidence:
-    """R(mu) of a medium, from the user's cache or walked.
+    """R(mu) of a medium, from the user's cache or computed.
 
     Parameters
     ----------
     medium : SkinMedium
         With layers.
     say : callable
-        Told when walks begin.
+        Told when that begins.
 
     Raises
     ------
@@ -31,13 +31,13 @@ def incidence_table(medium: SkinMedium, say: Callable[[str], None] = lambda _: N
     """
     key = key_of(code_digest("skinbake.profile.skin_medium"), medium.identity, medium.to_rgb is None)
 
-    def walk(names: tuple[str, ...]) -> dict[str, dict[str, NDArray[np.float64]]]:
-        say("walking light into the skin at every slant, once for this medium")
+    def find(names: tuple[str, ...]) -> dict[str, dict[str, NDArray[np.float64]]]:
+        say("following light into the skin at every slant, once for this medium")
         return {name: dict(vars(medium_incidence(medium))) for name in names}
 
     if key not in _KNOWN:
         cache = user_cache()
-        found = cache.get_many({"incidence": key}, walk) if cache else walk(("incidence",))
+        found = cache.get_many({"incidence": key}, find) if cache else find(("incidence",))
         _KNOWN[key] = Incidence(**{name: np.asarray(of, np.float64) for name, of in found["incidence"].items()})
     return _KNOWN[key]
 

@@ -6,6 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from skinbake.numerics import Float
+
 BoundaryMethod = Literal["polynomial", "exact", "better"]
 
 ETA_MAX = 3.0  # the polynomial was fitted to tissue and glass; A grows without bound beyond
@@ -86,3 +88,14 @@ def boundary_factor(eta: float, boundary: BoundaryMethod = "polynomial") -> floa
     if boundary == "exact":
         return (1 + first) / (1 - first)
     return (1 + second) / (1 - first)
+
+
+def reflectance_from_inside(eta: float, mu: Float) -> Float:
+    """Unpolarised Fresnel reflectance of a face from inside, eta >= 1, by the cosine there, (n,)."""
+    if eta == 1:
+        return np.zeros_like(mu)
+    sine2 = eta**2 * (1 - mu**2)
+    out = np.sqrt(np.maximum(1 - sine2, 0))
+    across, parallel = (eta * mu - out) / (eta * mu + out), (eta * out - mu) / (eta * out + mu)
+    found: Float = np.where(sine2 >= 1, 1.0, (across**2 + parallel**2) / 2)
+    return found

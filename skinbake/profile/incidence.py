@@ -12,6 +12,8 @@ import numpy as np
 from skinbake.numerics import Float
 from skinbake.profile.chandrasekhar import half_space_diffuse_reflectance, half_space_reflectance
 from skinbake.profile.layers import Layer, without_empty
+from skinbake.profile.slab_transport import diffuse_mean
+from skinbake.profile.stack_transport import stack_reflectance
 
 NODES = 33  # cosines 0, 1/32, ... 1, between which R(mu) is linear
 CHUNKS = 16  # fixed, and averaged in order: the result does not depend on the number of threads
@@ -42,14 +44,14 @@ def reflect_slanted(
     """R(mu) of a stack of layers; theory.md 9.5.
 
     In closed form for one semi-infinite layer of isotropic scattering whose index is that of the outside (theory.md
-    9.4), else by walks.
+    9.4), by doubling for others that scatter to all sides alike, else by walks.
 
     Parameters
     ----------
     layers : sequence of Layer
         Of one index; sigma_s = sigma_s' / (1 - g) with each layer's own g.
     walks : int
-        A channel.
+        A channel, where there are walks.
     seed : int
         The same seed gives the same table, bit for bit, on any number of threads.
     threads : int, optional
@@ -82,16 +84,14 @@ def reflect_slanted(
         return Incidence(
             cosine, half_space_reflectance(cosine[:, None], albedo), half_space_diffuse_reflectance(albedo)
         )
-    reflectance = _walk(layers, eta, cosine[1:], walks, seed, threads)
-    # Grazing light: continued from the last two cosines, for no beam gets in there
-    grazing = 2 * reflectance[0] - reflectance[1]
-    reflectance = np.clip(np.concatenate([grazing[None], reflectance]), 0, 1)
-    # Exact for what is linear between the nodes
-    step = cosine[1]
-    left, right = cosine[:-1, None], cosine[1:, None]
-    a, b = reflectance[:-1], reflectance[1:]
-    diffuse = (step * (a * (2 * left + right) + b * (left + 2 * right)) / 3).sum(axis=0)
-    return Incidence(cosine, reflectance, diffuse)
+    if eta >= 1 and not any(layer.g for layer in layers):
+        reflectance = np.clip(stack_reflectance([layers], cosine)[0], 0, 1)
+    else:
+        reflectance = _walk(layers, eta, cosine[1:], walks, seed, threads)
+        # Grazing light: continued from the last two cosines, for no beam gets in there
+        grazing = 2 * reflectance[0] - reflectance[1]
+        reflectance = np.clip(np.concatenate([grazing[None], reflectance]), 0, 1)
+    return Incidence(cosine, reflectance, diffuse_mean(cosine, reflectance))
 
 
 def _walk(layers: tuple[Layer, ...], eta: float, cosine: Float, walks: int, seed: int, threads: int | None) -> Float:

@@ -98,7 +98,7 @@ def _unscaled_medium(skin: SkinSpec) -> SkinMedium:
 
 
 def medium_incidence(medium: SkinMedium) -> Incidence:
-    """R(mu) of a medium, in RGB: some seconds of walks.
+    """R(mu) of a medium, in RGB; where it scatters forwards some seconds of walks.
 
     Raises
     ------

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from skinbake.numerics import Float
+from skinbake.profile.fresnel import reflectance_from_inside
 from skinbake.profile.medium import Medium
 
 GAUSS = 16  # directions on either side of the critical angle
@@ -122,17 +123,7 @@ def _streams(eta: float, outside: Float) -> _Streams:
     weight = np.concatenate([(b - a) / 2 * weight for a, b in parts])
     beams = np.sqrt(1 - (1 - np.maximum(outside, SMALLEST_COSINE) ** 2) / eta**2)
     mu = np.concatenate([mu, beams])
-    return _Streams(mu, np.concatenate([weight, np.zeros(len(beams))]), _from_inside(eta, mu))
-
-
-def _from_inside(eta: float, mu: Float) -> Float:
-    """Unpolarised Fresnel reflectance of a face from inside."""
-    if eta == 1:
-        return np.zeros_like(mu)
-    sine2 = eta**2 * (1 - mu**2)
-    out = np.sqrt(np.maximum(1 - sine2, 0))
-    across, parallel = (eta * mu - out) / (eta * mu + out), (eta * out - mu) / (eta * out + mu)
-    return np.where(sine2 >= 1, 1.0, (across**2 + parallel**2) / 2)
+    return _Streams(mu, np.concatenate([weight, np.zeros(len(beams))]), reflectance_from_inside(eta, mu))
 
 
 def _phase(mu: Float, g: float) -> tuple[Float, Float]:

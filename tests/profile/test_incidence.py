@@ -1,4 +1,4 @@
-"""R(mu) of layers: walks against the closed form and against photons that go the other way."""
+"""R(mu) of layers: doubling and walks against the closed form, each other, and photons that go the other way."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,14 @@ from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
 from skinbake.profile.transport import trace_layers
 
+WALKED = 1e-9  # a g that changes nothing but the way in which R(mu) is found
 SKIN = Medium(np.array([0.032, 0.17, 0.48]), np.array([0.74, 0.88, 1.01]))
 
 
 @pytest.mark.slow
 def test_walks_give_the_closed_form():
     """A tiny part of the medium set apart as a layer of its own makes the walks do what Chandrasekhar's H does."""
-    found = reflect_slanted([Layer(SKIN, 0.3, 1.0), Layer(SKIN, np.inf, 1.0)], 40_000, 3)
+    found = reflect_slanted([Layer(SKIN, 0.3, 1.0, WALKED), Layer(SKIN, np.inf, 1.0)], 40_000, 3)
     want = half_space_reflectance(found.cosine[:, None], SKIN.albedo)
     ratio = found.reflectance_rgb / want
     assert np.abs(ratio[8:] - 1).max() < 0.012
@@ -51,7 +52,7 @@ def test_light_from_everywhere_is_the_mean_of_the_slants():
 
 def test_the_same_table_on_any_threads():
     """Bit for bit; another seed gives another."""
-    layers = [Layer(SKIN, np.inf, 1.3)]
+    layers = [Layer(SKIN, np.inf, 1.3, WALKED)]
     one, three = (reflect_slanted(layers, 320, 4, threads).reflectance_rgb for threads in (1, 3))
     assert np.array_equal(one, three)
     assert not np.array_equal(one, reflect_slanted(layers, 320, 5).reflectance_rgb)

@@ -48,7 +48,7 @@ def test_photons_along_the_normal_come_through(eta, g):
 def test_slants_come_back_as_walks_say():
     """R(mu) of an index of 1.4 at every second node, by walks against the light."""
     found = slab_transport(SKIN, 1.4, np.array([1.0]))
-    walked = reflect_slanted([Layer(SKIN, np.inf, 1.4)], 32_000)
+    walked = reflect_slanted([Layer(SKIN, np.inf, 1.4, 1e-9)], 32_000)  # without a g nobody walks
     np.testing.assert_allclose(found.back[2:], walked.reflectance_rgb[4::2], rtol=0.012)
 
 
