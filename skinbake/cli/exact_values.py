@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,11 @@ class Probed:
     position_mm: Float
     normal: NDArray[np.float32]
     texture_mm2: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, measured: dict[str, Any]) -> Probed:
+        """The points of a reference, which has their fields among its own."""
+        return cls(*(measured[field.name] for field in fields(cls)))
 
 
 def drawn_points(spec: SceneSpec, count: int) -> Probed:

@@ -61,7 +61,7 @@ def measure_bake(spec: SceneSpec, at: Probed | None, picture: bool) -> dict[str,
         return found
 
 
-def measure_near_exact(spec: SceneSpec, probes: int) -> dict[str, Any]:
+def measure_near_exact(spec: SceneSpec, probes: int, picture: bool = True) -> dict[str, Any]:
     """Light and picture of one bake that is so fine that others may be judged by it.
 
     Parameters
@@ -70,15 +70,17 @@ def measure_near_exact(spec: SceneSpec, probes: int) -> dict[str, Any]:
         With a tight tolerance.
     probes : int
         How many points to draw.
+    picture : bool
+        Whether a picture is wanted.
 
     Returns
     -------
     dict
-        values (P, 3), at (the `Probed`), and picture.
+        values (P, 3), the fields of Probed, and picture where it was wanted.
     """
     at = drawn_points(spec, probes)
-    found = measure_bake(spec, at, True)
-    return {"values": found["values"], "at": at, "picture": found["picture"]}
+    found = measure_bake(spec, at, picture)
+    return vars(at) | {name: found[name] for name in ("values", "picture") if name in found}
 
 
 def measure_reference(spec: SceneSpec, probes: int, picture: bool, at: Probed | None = None) -> dict[str, Any]:

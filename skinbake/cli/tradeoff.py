@@ -190,11 +190,12 @@ class Measurements:
 
     def _make_reference(self, name: str) -> None:
         from skinbake.cli.child_process import in_child
-        from skinbake.cli.measuring import measure_reference
+        from skinbake.cli.measuring import measure_near_exact, measure_reference
         from skinbake.io.tradeoff import write_reference
 
-        spec = self.specs[self.references[name].overrides]
-        found = in_child(measure_reference, spec, self.points, self.picture)
+        reference = self.references[name]
+        measured = measure_reference if reference.integral else measure_near_exact
+        found = in_child(measured, self.specs[reference.overrides], self.points, self.picture)
         write_reference(self._reference_path(name), found)
         self.values[name] = found
 
@@ -316,7 +317,7 @@ class Measurements:
 def _probed(reference: dict[str, Any]) -> Any:
     from skinbake.cli.exact_values import Probed
 
-    return Probed(*(reference[name] for name in ("place", "tile", "position_mm", "normal", "texture_mm2")))
+    return Probed.of(reference)
 
 
 def _plain(spec: SceneSpec) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 Each bake has a process of its own. Its light is compared, at the same points, with that of a bake at a tenth to a
 fiftieth of the tolerance: the same Gaussians, every light's directions, terms and bounces, as floats, at the size that
 was asked for. The exact integral (`skinbake tradeoff`) is dearer by a factor of three to six, and such a bake is nearer
-to it than half of what the tightest row leaves: the sample head at 256^2 and 512^2, `REFERENCE_RMS`. What a fit of so
+to it than half of what the tightest row leaves: the sample head at 256^2 and 512^2, `NEAR_EXACT_RMS`. What a fit of so
 many Gaussians leaves is no matter of the knob, and in no row.
 """
 
@@ -15,17 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from skinbake.cli.child_process import in_child
+from skinbake.cli.exact_values import Probed
 from skinbake.cli.measuring import measure_bake, measure_near_exact
 from skinbake.io.config import load_look
 from skinbake.preview.image_metrics import image_similarity
 from skinbake.tradeoff import difference
+from skinbake.tradeoff.plan import NEAR_EXACT_RMS, near_exact
 from tests.conftest import ROOT
 
 LOOKS = {"head": ROOT / "configs" / "head.yaml", "scan": ROOT / "configs" / "lee_perry_smith.yaml"}
 TOLERANCES = (0.05, 0.02, 0.01, 0.005, 0.003)
-REFERENCE = ("tolerance=0.001", "texture.reduce=off", "output.lights=total", "output.precision=float")
-DIRECTIONS = 512  # of a sky
-REFERENCE_RMS = 0.0010  # of that reference, of the light that leaves
 POINTS, RUNS = 4000, 2
 
 
@@ -38,17 +37,15 @@ def run(quick: bool) -> list[dict]:
             continue
         for size in sizes:
             asked = (f"texture.size={size}",)
-            skies = [light.name for light in load_look(path).lights if light.type in ("environment", "rectangle")]
-            fine = (*asked, *REFERENCE, *(f"lights.{sky}.samples={DIRECTIONS}" for sky in skies))
             start = time.perf_counter()
-            wanted = in_child(measure_near_exact, load_look(path, fine), POINTS)
-            note = f"reference: a bake at 0.001, itself wrong by about {REFERENCE_RMS:.2%} (rms) and what it leaves out"
+            wanted = in_child(measure_near_exact, load_look(path, (*asked, *near_exact(load_look(path)))), POINTS)
+            note = f"reference: a bake at 0.001, itself wrong by about {NEAR_EXACT_RMS:.2%} and what it leaves out"
             rows.append({"name": f"{name} {size} reference", "seconds": time.perf_counter() - start, "note": note})
             found: dict[float, list[dict]] = {tolerance: [] for tolerance in tolerances}
             for turn in range(runs):  # in turn, so that a slow spell hits none alone
                 for tolerance in tolerances if turn % 2 == 0 else tolerances[::-1]:
                     spec = load_look(path, (*asked, f"tolerance={tolerance}"))
-                    at = None if turn else wanted["at"]
+                    at = None if turn else Probed.of(wanted)
                     found[tolerance].append(in_child(measure_bake, spec, at, not turn))
             rows += [_row(f"{name} {size}", tolerance, found, wanted) for tolerance in tolerances]
     return rows
