@@ -10,6 +10,7 @@ from skinbake.irradiance.environment_plan import EnvironmentPlan
 from skinbake.irradiance.environment_share import open_shares
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.refine import refine
+from skinbake.irradiance.settled_rays import SettledRays
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.numerics import Float
 
@@ -47,12 +48,20 @@ def light_environment(
         strength = np.broadcast_to(surface.strength, addressed.shape).reshape(-1)
         f0 = np.broadcast_to(surface.f0, addressed.shape).reshape(-1)
         barrier = occluder if plan.samples else None
-
-        def trace(texels: NDArray[np.int64]) -> Image:
-            oil = (roughness[texels], strength[texels], table, f0[texels]) if table.size else None
-            return open_shares(surface.origins(texels), normal[texels], directions, weights, barrier, oil)
-
         coarsest = lattice(surface.raster)
+        # What passes in part is no answer of yes or no
+        rays = SettledRays(addressed, surface.smooth_normal, coarsest, len(directions))
+        settled = rays if plan.samples and not occluder.has_cards else None
+
+        def trace(texels: NDArray[np.int64], stride: int) -> Image:
+            oil = (roughness[texels], strength[texels], table, f0[texels]) if table.size else None
+            answers = settled.of(texels, stride) if settled else None
+            at = surface.origins(texels), normal[texels]
+            shares = open_shares(*at, directions, weights, barrier, oil, answers)
+            if settled and answers is not None:
+                settled.keep(texels, answers)
+            return shares
+
         refine(addressed, surface.smooth_normal, 4, trace, plan.variation, coarsest, coarsest // CLOSE, out)
     else:
         out[...] = addressed[..., None]

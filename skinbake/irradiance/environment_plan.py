@@ -26,7 +26,7 @@ from skinbake.scene.mesh import SkinMesh
 Image = NDArray[np.float32]
 HARMONICS_SHARE = 0.25
 VARIATION = 10.0  # tolerances by which the visible share may differ between texels that are interpolated
-INTERPOLATED = 0.35  # tolerances, rms, that this costs
+INTERPOLATED = 0.35  # tolerances, rms, that this costs; rays that count as settled cost 0.05, whose square is nothing
 WIDEST_VARIATION = 0.2
 MOST, FEWEST = 4096, 16  # directions
 POINTS = 16384  # of the skin: a dark place that fills one in this many of them costs 0.8 % rms

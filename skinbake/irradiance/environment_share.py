@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import OilLayer, albedo_at
+from skinbake.irradiance.settled_rays import Answers, has_bit, no_answers, set_bit
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import for_slices
 from skinbake.numerics import Float, safe_div
@@ -25,15 +26,16 @@ def open_shares(
     weights: Image,
     occluder: Occluder | None,
     oil: tuple[Image, Image, Float, Float] | None = None,
+    answers: Answers | None = None,
 ) -> Image:
     """Share of R, G, B that arrives and passes the oil, and share of their sum that arrives, (n, 4).
 
     Parameters
     ----------
-    origin, normal, directions, weights, occluder, oil
+    origin, normal, directions, weights, occluder, oil, answers
         As `open_sums`.
     """
-    return shares_of(open_sums(origin, normal, directions, weights, occluder, oil))
+    return shares_of(open_sums(origin, normal, directions, weights, occluder, oil, answers))
 
 
 def shares_of(sums: Float) -> Image:
@@ -48,6 +50,7 @@ def open_sums(
     weights: Image,
     occluder: Occluder | None,
     oil: tuple[Image, Image, Float, Float] | None = None,
+    answers: Answers | None = None,
 ) -> Float:
     """Light that directions send to points by the cosine, and the part that arrives; each R, G, B and their sum, (n,
     2, 4).
@@ -63,15 +66,18 @@ def open_sums(
     occluder : Occluder, optional
         None: nothing is in the way.
     oil : roughness (n,), strength (n,), table and f0 (n,), optional
+    answers : ndarray of shape (n, 2, words), optional
+        Rays that are settled already; completed by what is traced. Not where light may pass in part.
     """
     zero = np.zeros(len(origin), np.float32)
     roughness, strength, table, f0 = oil or (zero, zero, NO_OIL, np.zeros(len(origin)))
     directions, weights = np.ascontiguousarray(directions.T), np.ascontiguousarray(weights.T)
     out = np.empty((len(origin), 2, 4))
+    answers = no_answers(len(origin), 0) if answers is None else answers
 
     def add_up(part: slice) -> None:
         starts, rays = (np.empty((len(out[part]) * directions.shape[1], 3), np.float32) for _ in range(2))
-        count = aim(origin[part], normal[part], directions, starts, rays)
+        count = aim(origin[part], normal[part], directions, answers[part], starts, rays)
         clear: NDArray[Any] = np.ones(count, np.bool_)
         if occluder is not None:
             clear = occluder.unhindered(starts[:count], rays[:count], np.full(count, np.inf, np.float32))
@@ -81,6 +87,7 @@ def open_sums(
             directions,
             weights,
             OilLayer(roughness[part], strength[part], table, f0[part]),
+            answers[part],
             out[part],
         )
 
@@ -95,20 +102,22 @@ def _cosine(normal: Image, i: int, directions: Image, s: int) -> float:
 
 
 @kernel
-def aim(origin: Image, normal: Image, directions: Image, starts: Image, rays: Image) -> int:
-    """Rays from each point to the directions above its horizon, point after point; the number of rays.
+def aim(origin: Image, normal: Image, directions: Image, answers: Answers, starts: Image, rays: Image) -> int:
+    """Rays from each point to the directions above its horizon that are not settled, point after point; their number.
 
     Parameters
     ----------
     origin, normal : ndarrays of shape (n, 3)
     directions : ndarray of shape (3, s)
+    answers : ndarray of shape (n, 2, words)
     starts, rays : ndarrays of shape (at least n s, 3)
         Written: origins and directions.
     """
     count = 0
     for i in range(len(origin)):
         for s in range(directions.shape[1]):
-            if _cosine(normal, i, directions, s) > 0.0:
+            settled = answers.shape[2] > 0 and (has_bit(answers[i, 0], s) or has_bit(answers[i, 1], s))
+            if not settled and _cosine(normal, i, directions, s) > 0.0:
                 for axis in range(3):
                     starts[count, axis] = origin[i, axis]
                     rays[count, axis] = directions[axis, s]
@@ -123,6 +132,7 @@ def _sum(
     directions: Image,
     weights: Image,
     oil: OilLayer,
+    answers: Answers,
     out: Float,
 ) -> None:
     """Sums of `open_sums` for some points, from the answers to `aim`'s rays.
@@ -135,6 +145,8 @@ def _sum(
     directions, weights : ndarrays of shape (3, s)
     oil : OilLayer
         At the points.
+    answers : ndarray of shape (n, 2, words)
+        Completed.
     out : ndarray of shape (n, 2, 4)
         Written.
     """
@@ -147,7 +159,15 @@ def _sum(
                 continue
             of_r, of_g, of_b = cosine * weights[0, s], cosine * weights[1, s], cosine * weights[2, s]
             r, g, b = r + of_r, g + of_g, b + of_b
-            share = np.float64(clear[ray])
+            if answers.shape[2] > 0 and has_bit(answers[i, 0], s):
+                share = 1.0
+            elif answers.shape[2] > 0 and has_bit(answers[i, 1], s):
+                share = 0.0
+            else:
+                share = np.float64(clear[ray])
+                ray += 1
+                if answers.shape[2] > 0:
+                    set_bit(answers[i, 0 if share > 0.0 else 1], s)
             if share > 0.0:
                 lets = share
                 if oil.table.size > 0:
@@ -155,6 +175,5 @@ def _sum(
                     lets *= min(max(1.0 - oil.strength[i] * albedo, 0.0), 1.0)
                 passed_r, passed_g, passed_b = passed_r + of_r * lets, passed_g + of_g * lets, passed_b + of_b * lets
                 passed += share * (of_r + of_g + of_b)
-            ray += 1
         out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 0, 3] = r, g, b, r + g + b
         out[i, 1, 0], out[i, 1, 1], out[i, 1, 2], out[i, 1, 3] = passed_r, passed_g, passed_b, passed

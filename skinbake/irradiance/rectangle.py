@@ -70,7 +70,7 @@ def light_rectangle(
     strength = np.broadcast_to(surface.strength, facing.shape).reshape(-1)
     f0 = np.broadcast_to(surface.f0, facing.shape).reshape(-1)
 
-    def trace(texels: NDArray[np.int64]) -> Image:
+    def trace(texels: NDArray[np.int64], _: int) -> Image:
         out = np.empty((len(texels), 2), np.float32)
         step = max(1, CHUNK // grid**2)
         for start in range(0, len(texels), step):

@@ -19,7 +19,7 @@ def refine(
     wanted: NDArray[np.bool_],
     normal: Image,
     channels: int,
-    trace: Callable[[NDArray[np.int64]], Image],
+    trace: Callable[[NDArray[np.int64], int], Image],
     tolerance: float,
     coarsest: int,
     close: int = 0,
@@ -37,7 +37,7 @@ def refine(
         Texels that need a value; only they are traced, and only they take part in interpolation.
     channels : int
     trace : callable
-        From texels (row * W + col) to values of shape (n, channels).
+        From texels (row * W + col) of a lattice and its stride to values of shape (n, channels).
     normal : ndarray of shape (H, W, 3)
         Unit, smooth.
     tolerance : float
@@ -61,7 +61,7 @@ def refine(
     rows, cols = np.nonzero(wanted[::stride, ::stride])
     texels = stride * rows * width + stride * cols
     while True:
-        values.reshape(-1, channels)[texels] = trace(texels)
+        values.reshape(-1, channels)[texels] = trace(texels, stride)
         if stride == 1:
             return values
         stride //= 2

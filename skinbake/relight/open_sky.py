@@ -12,6 +12,7 @@ from skinbake.irradiance.environment_plan import all_around
 from skinbake.irradiance.environment_share import aim
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.irradiance.settled_rays import no_answers
 from skinbake.irradiance.surface import texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import for_slices, parallel_for
@@ -108,10 +109,11 @@ def _traced(origin: Image, normal: Image, towards: Image, occluder: Occluder | N
     """
     columns = np.ascontiguousarray(towards.T)
     share = np.empty((len(origin), len(towards)), np.uint8)
+    unasked = no_answers(len(origin), 0)  # every ray is traced
 
     def trace(part: slice) -> None:
         starts, rays = (np.empty((len(share[part]) * len(towards), 3), np.float32) for _ in range(2))
-        count = aim(origin[part], normal[part], columns, starts, rays)
+        count = aim(origin[part], normal[part], columns, unasked[part], starts, rays)
         clear = np.ones(count, np.float32)
         if occluder is not None:
             reach = np.full(count, np.inf, np.float32)

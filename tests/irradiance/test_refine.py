@@ -11,7 +11,7 @@ from skinbake.irradiance.refine import refine
 def run(field, wanted, tolerance, coarsest, normal=None):
     traced = []
 
-    def trace(texels):
+    def trace(texels, stride):
         traced.extend(texels)
         return field.reshape(-1, field.shape[2])[texels].astype(np.float32)
 
@@ -72,7 +72,7 @@ def test_a_close_lattice_speaks_for_texels_beside_a_border():
     for close in (0, 2):
         traced = []
 
-        def trace(texels, traced=traced):
+        def trace(texels, stride, traced=traced):
             traced.extend(texels)
             return field.reshape(-1, 1)[texels].astype(np.float32)
 
