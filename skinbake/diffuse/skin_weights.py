@@ -19,7 +19,7 @@ from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.skin import SkinSpec
 
-_AT_ONCE = 1 << 18  # texels whose weights are read from a table at a time
+_AT_ONCE = 1 << 16  # texels whose weights are read from a table at a time
 
 
 @dataclass(frozen=True)

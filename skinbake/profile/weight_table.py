@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 
 MOST_AXES = 2
-_Around = tuple[list[tuple[NDArray[np.int64], Float]], ...]  # by axis: nodes, and the share of each
 
 
 @dataclass(frozen=True)
@@ -71,32 +71,38 @@ class WeightTable:
         -------
         ndarray of shape (N, P, 3)
         """
-        around = self._around(values)
-        return np.stack([self._weight(i, values, around) for i in range(self.weight_rgb.shape[2])])
+        along = self._along_axes(values)
+        return np.stack([self._weight(i, values, along) for i in range(self.weight_rgb.shape[2])])
 
     def of_lobe(self, index: int, values: Mapping[str, ArrayLike]) -> Float:
         """Weights of one Gaussian, (P, 3)."""
-        return self._weight(index, values, self._around(values))
+        return self._weight(index, values, self._along_axes(values))
 
     def total(self, values: Mapping[str, ArrayLike]) -> Float:
         """What all Gaussians together give back of light, (P, 3)."""
-        return _read(self.weight_rgb.sum(axis=2), self._around(values))
+        return self._read(self.weight_rgb.sum(axis=2), self._along_axes(values))
 
-    def _weight(self, index: int, values: Mapping[str, ArrayLike], around: _Around) -> Float:
-        """Weights of one Gaussian, (P, 3), from the nodes around the values."""
-        weight = _read(self.weight_rgb[:, :, index], around)
+    def _weight(self, index: int, values: Mapping[str, ArrayLike], along: tuple[Float, ...]) -> Float:
+        """Weights of one Gaussian, (P, 3), from the quantities along both axes."""
+        weight = self._read(self.weight_rgb[:, :, index], along)
         if self.scatters:
             scatter = self.scatter_at(values)[:, None]
             weight = scatter * weight
             if index == 0:
-                weight = weight + (1 - scatter) * _read(self.weight_rgb.sum(axis=2), around)
+                weight = weight + (1 - scatter) * self._read(self.weight_rgb.sum(axis=2), along)
         return weight
 
-    def _around(self, values: Mapping[str, ArrayLike]) -> _Around:
-        """Nodes around the values of both axes."""
+    def _along_axes(self, values: Mapping[str, ArrayLike]) -> tuple[Float, ...]:
+        """The quantity of each axis, (P,) or (1,)."""
         given = [np.atleast_1d(np.asarray(values.get(n, self.constants[n]), np.float64)) for n in self.names]
-        given += [np.zeros(1)] * (MOST_AXES - len(given))
-        return tuple(_between(nodes, each) for nodes, each in zip(self.nodes, given, strict=True))
+        return tuple(given + [np.zeros(1)] * (MOST_AXES - len(given)))
+
+    def _read(self, rows: Float, along: tuple[Float, ...]) -> Float:
+        """Rows at the nodes, (K, J, 3), read between them, (P, 3)."""
+        out = np.empty((max(map(len, along)), 3))
+        axes = (_roots(self.nodes[0]), _roots(self.nodes[1]))
+        _read_rows(np.ascontiguousarray(rows), axes, tuple(map(np.ascontiguousarray, along)), out)
+        return out
 
     def scatter_at(self, values: Mapping[str, ArrayLike]) -> Float:
         """Share of the light that scatters, (P,) or (1,)."""
@@ -105,23 +111,56 @@ class WeightTable:
         return np.atleast_1d(np.asarray(values.get("scatter", self.constants["scatter"]), np.float64))
 
 
-def _between(nodes: Float, value: Float) -> list[tuple[NDArray[np.int64], Float]]:
-    """The nodes around values, (P,), and their shares."""
-    if len(nodes) == 1:
-        return [(np.zeros(len(value), np.int64), np.ones(len(value)))]
+def _roots(nodes: Float) -> tuple[float, float, int]:
+    """Roots of the least and of the greatest value of an axis, and its number of nodes, as `_read_rows` takes them."""
     low, high = np.sqrt(nodes[[0, -1]])
-    place = np.clip((np.sqrt(np.maximum(value, 0)) - low) / (high - low), 0, 1) * (len(nodes) - 1)
-    first = np.minimum(place.astype(np.int64), len(nodes) - 2)
-    return [(first, 1 - (place - first)), (first + 1, place - first)]
+    return float(low), float(high), len(nodes)
 
 
-def _read(rows: Float, around: _Around) -> Float:
-    """Rows at nodes, (K, J, 3), read between them, (P, 3)."""
-    total = np.zeros((1, 3))
-    for row, row_share in around[0]:
-        for column, column_share in around[1]:
-            total = total + (row_share * column_share)[:, None] * rows[row, column]
-    return total
+@kernel(inline=True)
+def _between(value, axis):  # type: ignore[no-untyped-def]
+    """The first of two nodes around a value, and the share of the second.
+
+    Parameters
+    ----------
+    value : float
+    axis : tuple
+        As `_roots` gives it.
+    """
+    low, high, count = axis
+    if count == 1:
+        return 0, 0.0
+    place = min(max((np.sqrt(max(value, 0.0)) - low) / (high - low), 0.0), 1.0) * (count - 1)
+    first = max(min(int(place), count - 2), 0)
+    return first, place - first
+
+
+@kernel
+def _read_rows(rows, axes, values, out):  # type: ignore[no-untyped-def]
+    """Rows at nodes, read between them.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (K, J, 3)
+    axes : tuple of two tuples
+        As `_roots` gives them.
+    values : tuple of two ndarrays of shape (P,) or (1,)
+        Along both axes.
+    out : ndarray of shape (P, 3)
+        Written.
+    """
+    along, across = values
+    for p in range(len(out)):
+        k, of_k = _between(along[p if len(along) > 1 else 0], axes[0])
+        j, of_j = _between(across[p if len(across) > 1 else 0], axes[1])
+        red, green, blue = 0.0, 0.0, 0.0
+        for a in range(min(2, axes[0][2])):
+            for b in range(min(2, axes[1][2])):
+                share = (of_k if a else 1.0 - of_k) * (of_j if b else 1.0 - of_j)
+                red += share * rows[k + a, j + b, 0]
+                green += share * rows[k + a, j + b, 1]
+                blue += share * rows[k + a, j + b, 2]
+        out[p, 0], out[p, 1], out[p, 2] = red, green, blue
 
 
 def even_nodes(low: float, high: float, count: int) -> Float:
