@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, normalized, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -50,18 +53,78 @@ def _smoothed(between: csr_matrix, area: Float, positions: Float, length_mm: flo
     time = length_mm**2 / 2
     diagonal = area + time * np.asarray(between.sum(axis=1)).ravel()
     used = diagonal > 0
-    inverse = safe_div(np.ones_like(diagonal), diagonal)[:, None]
     radius = float(np.max(1 - area[used] / diagonal[used], initial=0.0))
-    fixed, before, moved, factor = area[:, None] * positions, positions, positions, 2.0
+    heat = _Heat(between.indptr, between.indices, between.data, positions, area, diagonal, time)
+    before, moved, factor = positions.copy(), positions, 2.0
+    change = np.empty(len(positions))
     for step in range(MOST_STEPS):
         factor = 1 / (1 - radius**2 * factor / 4) if step else 1.0
         if step == 1:
             factor = 1 / (1 - radius**2 / 2)
-        again = inverse * (fixed + time * (between @ moved))
-        before, moved = moved, factor * (again - before) + before
-        if np.abs(moved - before)[used].max(initial=0.0) < CLOSE_ENOUGH * length_mm:
+        parallel_for(_move, len(positions), heat, moved, factor, before, change)
+        before, moved = moved.copy() if step == 0 else moved, before  # what was given stays as it is
+        if change.max(initial=0.0) < CLOSE_ENOUGH * length_mm:
             break
     return moved
+
+
+class _Heat(NamedTuple):
+    """What `_move` reads of the heat on a surface.
+
+    Attributes
+    ----------
+    start, end, weight : ndarrays
+        Rows of the symmetric matrix: neighbours of vertex v and what binds them are start[v] ... start[v + 1] of both.
+    positions : ndarray of shape (V, 3)
+        Before there was heat.
+    area, diagonal : ndarrays of shape (V,)
+        Of the vertices, and of the system.
+    time : float
+    """
+
+    start: NDArray[np.int32]
+    end: NDArray[np.int32]
+    weight: Float
+    positions: Float
+    area: Float
+    diagonal: Float
+    time: float
+
+
+@kernel
+def _move(first: int, stop: int, heat: _Heat, moved: Float, factor: float, before: Float, change: Float) -> None:
+    """One step of the iteration at some vertices.
+
+    Parameters
+    ----------
+    first, stop : int
+        Vertices.
+    heat : _Heat
+    moved : ndarray of shape (V, 3)
+        Positions after the last step.
+    factor : float
+        Of Chebyshev's polynomials.
+    before : ndarray of shape (V, 3)
+        After the one before; becomes those after this one.
+    change : ndarray of shape (V,)
+        Written: how far the vertex came along an axis at most.
+    """
+    for v in range(first, stop):
+        change[v] = 0.0
+        x, y, z = 0.0, 0.0, 0.0
+        for k in range(heat.start[v], heat.start[v + 1]):
+            w, n = heat.weight[k], heat.end[k]
+            x += w * moved[n, 0]
+            y += w * moved[n, 1]
+            z += w * moved[n, 2]
+        inverse = 1.0 / heat.diagonal[v] if heat.diagonal[v] > 0.0 else 0.0
+        for axis in range(3):
+            flow = x if axis == 0 else (y if axis == 1 else z)
+            again = inverse * (heat.area[v] * heat.positions[v, axis] + heat.time * flow)
+            to = factor * (again - before[v, axis]) + before[v, axis]
+            if heat.diagonal[v] > 0.0:
+                change[v] = max(change[v], abs(to - moved[v, axis]))
+            before[v, axis] = to
 
 
 def _cotangents(positions: Float, faces: NDArray[np.int64]) -> tuple[csr_matrix, Float]:
