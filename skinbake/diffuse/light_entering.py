@@ -334,10 +334,15 @@ def _bounce(
         return lines, None
     kept = [i for i, line in enumerate(lines) if line.enabled]
     taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
-    for i in kept:
-        lines[i] = replace(lines[i], error=taken.error(bounced[i]))
     view = view or look_around(
-        scene.mesh, scene.occluder, spec.texture.size, spec.texture.gutter, udim, taken.width_mm, taken.rays
+        scene.mesh,
+        scene.occluder,
+        spec.texture.size,
+        spec.texture.gutter,
+        udim,
+        taken.width_mm,
+        taken.rays,
+        taken.with_neighbours,
     )
     seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
     bounces = {}
@@ -350,7 +355,7 @@ def _bounce(
         )
         lines[i] = replace(
             line,
-            error=float(np.hypot(line.error, found.left * bounced[i].rms)),
+            error=float(np.hypot(taken.error(bounced[i], found.noise * bounced[i].rms), found.left * bounced[i].rms)),
             how="1 bounce" if found.bounces == 1 else f"{found.bounces} bounces",
         )
         for raster, small in zip(atlas, found.tiles, strict=True):

@@ -150,6 +150,7 @@ class Scattering:
                 texture.udim,
                 receiving.width_mm,
                 receiving.rays,
+                receiving.with_neighbours,
             )
         self.lines += lines
 

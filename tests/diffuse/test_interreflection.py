@@ -6,7 +6,6 @@ import pytest
 from skinbake.atlas import rasterize
 from skinbake.diffuse.terms.bounced_light import add_at_full_size, bounced_light
 from skinbake.diffuse.terms.interreflection import decide_interreflection
-from skinbake.diffuse.terms.skin_hits import NOTHING
 from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.irradiance.occluder import Occluder
 from skinbake.scene.mesh import SkinMesh
@@ -42,7 +41,7 @@ def plates(side_mm=40.0, apart_mm=40.0) -> SkinMesh:
 def test_a_cavity_lights_itself_by_the_geometric_series(bounces):
     """Every ray in a closed cavity meets it: E sum_k rho^k, everywhere alike, light by light."""
     mesh = cavity()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, (8, 16))
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, 16)
     rho = np.array([0.8, 0.5, 0.2], np.float32)
     sent = np.ones((2, *SIZE, 3), np.float32) * rho
     sent[1] *= 3
@@ -57,7 +56,7 @@ def test_a_cavity_lights_itself_by_the_geometric_series(bounces):
 def test_bounces_go_on_until_the_rest_is_negligible():
     """A closed cavity's series is known: what is said to be left is the rest, and it is below what was asked for."""
     mesh = cavity()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, (8, 16))
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, 16)
     for rho, negligible, bounces in ((0.5, 0.1, 5), (0.5, 0.3, 3), (0.2, 0.3, 1), (0.9, 0.001, 16)):
         grey = np.full((1, 1, 3), rho, np.float32)
         lit = bounced_light(view, [np.ones((1, *SIZE, 3), np.float32) * rho], [grey], 16, negligible)
@@ -69,7 +68,7 @@ def test_bounces_go_on_until_the_rest_is_negligible():
 def test_two_plates_exchange_what_their_form_factor_says():
     """Equal squares a side apart: F = 0.1998 [Howell]; the lit one sends, the dark one receives and nothing else."""
     mesh = plates()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, (64, 256))
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, 256)
     sent = np.zeros((1, *SIZE, 3), np.float32)
     sent[:, :, : SIZE[0] // 2] = 1
     got = bounced_light(view, [sent], [np.ones((1, 1, 3), np.float32)]).tiles[0][0, ..., 0]
@@ -80,13 +79,36 @@ def test_two_plates_exchange_what_their_form_factor_says():
     assert got[:, ~dark].max() == 0
 
 
+@pytest.mark.parametrize("with_neighbours", [False, True])
+def test_what_is_said_of_the_noise_is_what_it_was(with_neighbours):
+    """Two plates, one lit as by a lamp: against sixteen times as many rays; with neighbours fewer are sent."""
+    mesh = plates()
+    occluder = Occluder(mesh)
+    sent = np.zeros((1, *SIZE, 3), np.float32)
+    sent[:, :, : SIZE[0] // 2] = np.linspace(0.2, 1, SIZE[1])[:, None, None]
+    grey = [np.full((1, 1, 3), 0.5, np.float32)]
+
+    def lit(rays, means):
+        view = look_around(mesh, occluder, SIZE, 4, False, 1.0, rays, means)
+        return view, bounced_light(view, [sent], grey)
+
+    view, found = lit(64, with_neighbours)
+    _, wanted = lit(1024, False)
+    area = view.atlas[0].area_mm2[..., None]
+    wrong, of = (
+        np.sqrt((area * image**2).sum()) for image in (found.tiles[0][0] - wanted.tiles[0][0], wanted.tiles[0][0])
+    )
+    assert 0.75 * wrong < found.noise * of < 2 * wrong
+    assert (view.rays.mean() < 40) == with_neighbours
+
+
 def test_skin_seen_from_behind_and_no_skin_bring_nothing():
     """Open squares that look the same way: no exchange, and no texel is kept."""
     mesh = joined(
         quad(40, 40, 0.0, uv_box=(0.02, 0.02, 0.48, 0.98)), quad(40, 40, 30.0, uv_box=(0.52, 0.02, 0.98, 0.98))
     )
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, (16, 32))
-    assert len(view.seen) == 0 or (view.seen == NOTHING).all()
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, 32)
+    assert len(view.seen) == 0
     got = bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)]).tiles[0]
     assert not got.any()
 
@@ -126,6 +148,6 @@ def test_auto_asks_whether_it_is_worth_it():
 def test_bounces_below_one_are_refused():
     """None is said by switching the term off."""
     mesh = plates()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 8.0, (4, 8))
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 8.0, 8)
     with pytest.raises(ValueError, match="bounces"):
         bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)], 0)

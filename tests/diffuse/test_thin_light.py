@@ -42,7 +42,7 @@ def found(through, blurred, arrived, mode="pre-scatter"):
         image[:, :, : width // 2] = value
         return image
 
-    view = look_around(mesh, occluder, SIZE, 4, False, 2.0, (64, 256))
+    view = look_around(mesh, occluder, SIZE, 4, False, 2.0, 256)
     reflected = np.broadcast_to((ALBEDO * WEIGHT).astype(np.float32), (*view.atlas[0].shape, 3))
     light = SkinLight(view, [reflected], {"sun": np.ones(3, np.float32)}, {"sun": 1})
     lobe = Lobe(1.0, (1.0, 1.0, 1.0), None, {1001: lower(through)})

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from skinbake.atlas import AtlasRaster
 from skinbake.atlas.raster import NO_FACE
 from skinbake.atlas.sample import bilinear, texels_around
-from skinbake.diffuse.terms.skin_hits import NOTHING
+from skinbake.diffuse.terms.ray_counts import NOISE_FALL
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
+_HALVES = 0.85  # of the noise that two halves of rays seem to leave: they lie apart, so that they err to either side
 _SLOWEST = 0.95  # most that a bounce is believed to keep of the last one: the rest of the series is finite
 
 
@@ -32,11 +33,15 @@ class BouncedLight(NamedTuple):
         How often it went from skin to skin.
     left : float
         Rms of all bounces after these, as a share of the first one's, of the light that leaves most.
+    noise : float
+        Standard error that the rays leave, as a share of the first bounce's rms, as it leaves again, of the light that
+        has most: by how much the two halves of the rays differ.
     """
 
     tiles: list[Image]
     bounces: int
     left: float
+    noise: float
 
 
 def bounced_light(
@@ -56,7 +61,7 @@ def bounced_light(
     negligible : float
         Rms of all bounces to come, as a share of the first one's, below which they are left out. The next bounce is
         foreseen as this one times what leaves again and the share of rays that meet skin; those after it follow as a
-        geometric series.
+        geometric series. All but the first go by half of the rays: they are a tenth of it.
 
     Raises
     ------
@@ -71,28 +76,36 @@ def bounced_light(
         mine = view.tile == k
         small = np.broadcast_to(fitted(colour, shape), (*shape, 3)).reshape(-1, 3)
         again[mine, 0] = small[view.flat_index[mine]]
-    share = (view.seen != NOTHING).mean(axis=1, dtype=np.float32)[:, None, None] if view.seen.size else 0
+    area = np.concatenate([r.area_mm2.reshape(-1)[view.flat_index[view.tile == k]] for k, r in enumerate(view.atlas)])
+    share = view.share[:, None, None]
     source, lies_in = view.read(sent), view.receiver()
     out = np.zeros((len(view.tile), lights, 3), np.float32)
-    first, left = np.zeros(lights), np.ones(lights)
+    first, left, noise = np.zeros(lights), np.ones(lights), np.zeros(lights)
     for turn in range(bounces):
-        got = np.zeros_like(out)
         values = source.reshape(len(source), 3 * lights)
-        parallel_for(_collect, len(got), view.seen, values, got.reshape(len(got), 3 * lights))
+        halves = np.zeros((1 if turn else 2, len(out), 3 * lights), np.float32)
+        parallel_for(_collect, len(out), _Rays(view.rays, view.first, view.half, view.seen), values, halves)
+        got = halves.mean(axis=0).reshape(out.shape)
         out += got
         sent_again = got * again
         now, then = _rms(got), _rms(sent_again * share)
-        first = first if turn else now
+        if not turn:
+            first = now
+            apart = view.quieter(halves[0] - halves[1]).reshape(out.shape) * again
+            here = np.maximum(_rms(view.quieter(halves.mean(axis=0)).reshape(out.shape) * again, area), 1e-30)
+            noise = _rms(apart, area) / here * (_HALVES * np.sqrt(0.5) * 2**-NOISE_FALL)
+        del halves
         falls = np.minimum(then / np.maximum(now, 1e-30), _SLOWEST)
         left = np.where(first > 0, now * falls / (1 - falls) / np.maximum(first, 1e-30), 0)
         if left.max() <= negligible:
             break
         source = np.where(lies_in[:, None, None] >= 0, sent_again[lies_in], 0) if len(got) else source
+    out = view.quieter(out.reshape(len(out), -1)).reshape(out.shape)
     tiles = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
     for k, tile in enumerate(tiles):
         mine = view.tile == k
         tile.reshape(lights, -1, 3)[:, view.flat_index[mine]] = out[mine].transpose(1, 0, 2)
-    return BouncedLight(tiles, turn + 1, float(left.max()))
+    return BouncedLight(tiles, turn + 1, float(left.max()), float(noise.max()))
 
 
 class SkinLight(NamedTuple):
@@ -129,34 +142,49 @@ class SkinLight(NamedTuple):
         return [self.gain[name] * tile[0] for tile in found.tiles]
 
 
-def _rms(values: Image) -> NDArray[np.float64]:
-    """Root of the sum of squares of each light, (L,), of (n, L, 3)."""
-    root: NDArray[np.float64] = np.sqrt(np.einsum("nlc,nlc->l", values, values, dtype=np.float64))
+def _rms(values: Image, weight: Image | None = None) -> NDArray[np.float64]:
+    """Root of the sum of squares of each light, (L,), of (n, L, 3), each times its weight."""
+    each = np.ones(len(values), np.float32) if weight is None else weight
+    root: NDArray[np.float64] = np.sqrt(np.einsum("n,nlc,nlc->l", each, values, values, dtype=np.float64))
     return root
 
 
+class _Rays(NamedTuple):
+    """Rays that meet skin, as in `SkinView`.
+
+    Attributes
+    ----------
+    rays, first, half : ndarrays of shape (n,)
+        `first` is longer by one.
+    seen : ndarray of shape (k,)
+    """
+
+    rays: Index
+    first: Index
+    half: Index
+    seen: NDArray[np.int32]
+
+
 @kernel
-def _collect(start, stop, seen, source, out):  # type: ignore[no-untyped-def]
-    """The mean of what rays see.
+def _collect(start, stop, view, source, out):  # type: ignore[no-untyped-def]
+    """The mean of what rays see, by halves of them.
 
     Parameters
     ----------
     start, stop : int
         Points.
-    seen : ndarray of shape (n, rays)
-        Row of `source` that each ray sees; below 0 where there is no skin.
+    view : _Rays
     source : ndarray of shape (m, v)
-    out : ndarray of shape (n, v), added to
+    out : ndarray of shape (halves, n, v), added to
     """
-    rays = seen.shape[1]
     for i in range(start, stop):
-        for k in range(rays):
-            row = seen[i, k]
-            if row >= 0:
+        for half in range(out.shape[0]):
+            begin, end = (view.first[i], view.half[i]) if half == 0 else (view.half[i], view.first[i + 1])
+            for k in range(begin, end):
                 for v in range(source.shape[1]):
-                    out[i, v] += source[row, v]
-        for v in range(source.shape[1]):
-            out[i, v] /= rays
+                    out[half, i, v] += source[view.seen[k], v]
+            for v in range(source.shape[1]):
+                out[half, i, v] /= 0.5 * view.rays[i]
 
 
 def fitted(colour: Image, shape: tuple[int, ...]) -> Image:

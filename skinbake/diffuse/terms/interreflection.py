@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
+from skinbake.diffuse.terms.ray_counts import NOISE_FALL
 from skinbake.diffuse.terms.skin_hits import NOTHING, skin_points
-from skinbake.diffuse.terms.skin_view import LOOKING, MORE, RECEIVER_MM, trace_cosine
+from skinbake.diffuse.terms.skin_view import RAYS, RECEIVER_MM, trace_cosine
 from skinbake.irradiance.occluder import Occluder
 from skinbake.scene.decision import Decision
 from skinbake.scene.mesh import SkinMesh
@@ -24,11 +25,13 @@ from skinbake.scene.mesh import SkinMesh
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 RECEIVERS_ACROSS = 190  # of them at least across what is smaller than a head: its forms are smaller, too
-MOST_RAYS = 512
+LEAST_RAYS, MOST_RAYS = 32, 512
 COARSE_ERROR = 0.1  # of the bounced light: what such texels and rays leave wrong; 0.09 on a head, 0.2 about a hill
 COARSENESS = 0.4, 3.0  # the finest and the coarsest there are, in units of these
 ESTIMATED, ESTIMATE_RAYS = 4000, 16  # texels and rays by which `auto` decides
-NOISE_FALL = 0.85  # exponent by which rays on a lattice lose their noise, on a head and about a hill
+# Light is a mean with the neighbours where texels are as fine as this and would need more rays. It leaves .027 of what
+# is bounced on two heads, of texels of 0.8 and 0.5 mm; with what those are too coarse by .03
+FINEST, NEIGHBOURS_FROM, NEIGHBOURS_ERROR = 0.6, 64, 0.075
 _OTHER_TURN = 7919
 _ALL = np.ones(3, np.float32)
 
@@ -51,7 +54,7 @@ class Bounced(NamedTuple):
         """How many rays a texel leave an error of `limit`."""
         return ESTIMATE_RAYS / 2 * (self.noise / max(limit, 1e-12)) ** (1 / NOISE_FALL)
 
-    def noise_of(self, rays: int) -> float:
+    def noise_of(self, rays: float) -> float:
         """Error that is left by that many rays."""
         return self.noise * (ESTIMATE_RAYS / 2 / rays) ** NOISE_FALL
 
@@ -62,16 +65,16 @@ class Receivers(NamedTuple):
     Attributes
     ----------
     coarser : float
-        Texels are this times as wide as the usual ones, and have as many times fewer rays.
+        Texels are this times as wide as the usual ones.
     usual_mm : float
         Width of those.
-    least_rays : int
-        From texels that see skin, however coarse they are.
+    rays : float
+        That each would send, if all sent as many (`look_around`).
     """
 
     coarser: float
     usual_mm: float = RECEIVER_MM
-    least_rays: int = 32
+    rays: float = RAYS
 
     @property
     def width_mm(self) -> float:
@@ -79,17 +82,23 @@ class Receivers(NamedTuple):
         return self.usual_mm * self.coarser
 
     @property
-    def rays(self) -> tuple[int, int]:
-        """Rays from every texel, and from those that see skin (`look_around`).
+    def with_neighbours(self) -> bool:
+        """Whether the light of each is the mean with its neighbours."""
+        return self.rays > NEIGHBOURS_FROM and self.coarser <= FINEST
 
-        Half as many look as are traced: what few see none of sends light, too.
+    def error(self, bounced: Bounced, noise: float | None = None) -> float:
+        """Rms that is left wrong of a light, as a share of it.
+
+        Parameters
+        ----------
+        bounced : Bounced
+        noise : float, optional
+            What the rays of neighbours left, as a share of it, where they were traced: else by what few rays showed.
         """
-        looking = max(16, round(LOOKING / self.coarser), self.least_rays // 2)
-        return looking, max(self.least_rays, round(MORE / self.coarser))
-
-    def error(self, bounced: Bounced) -> float:
-        """Rms that is left wrong of a light, as a share of it."""
-        return max(COARSE_ERROR * self.coarser * bounced.rms, bounced.noise_of(self.rays[1]))
+        if not self.with_neighbours:
+            return max(COARSE_ERROR * self.coarser * bounced.rms, bounced.noise_of(self.rays))
+        wrong = bounced.noise_of(self.rays) if noise is None else noise
+        return float(np.hypot(NEIGHBOURS_ERROR * self.coarser * bounced.rms, wrong))
 
 
 def receivers(bounced: Sequence[Bounced], limits: Sequence[float], atlas: Atlas) -> Receivers:
@@ -109,7 +118,8 @@ def receivers(bounced: Sequence[Bounced], limits: Sequence[float], atlas: Atlas)
     allowed = min(limit / max(COARSE_ERROR * each.rms, 1e-12) for each, limit in pairs)
     rays = min(max(each.rays_for(limit) for each, limit in pairs), MOST_RAYS)
     usual_mm = min(RECEIVER_MM, across_mm / RECEIVERS_ACROSS)
-    return Receivers(float(np.clip(allowed, *COARSENESS)), usual_mm, max(32, round(rays)))
+    rays = max(rays, LEAST_RAYS, RAYS / min(max(allowed, COARSENESS[0]), COARSENESS[1]))
+    return Receivers(float(np.clip(allowed, *COARSENESS)), usual_mm, rays)
 
 
 def decide_interreflection(
@@ -159,9 +169,10 @@ def decide_interreflection(
         flat = np.minimum(np.searchsorted(area, places), len(area) - 1)
         rows, cols = np.divmod(flat, width)
         point, normal = skin_points(raster, mesh, occluder, rows, cols)
+        zero = np.zeros_like(flat)
         # Two halves that know nothing of each other: the second one's rays are turned otherwise
         halves = [
-            trace_cosine(mesh, occluder, (width, height), udim, point, normal, flat * turn, 0, ESTIMATE_RAYS // 2)
+            trace_cosine(mesh, occluder, (width, height), udim, point, normal, flat * turn, zero, ESTIMATE_RAYS // 2)
             for turn in (1, _OTHER_TURN)
         ]
         seen_tile, seen = (np.concatenate(each, axis=1) for each in zip(*halves, strict=True))

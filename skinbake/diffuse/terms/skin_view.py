@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, coarser_atlas, coarser_size
+from skinbake.atlas import Atlas, AtlasRaster, coarser_atlas, coarser_size
+from skinbake.diffuse.terms.neighbours import mean_about, neighbour_weights, numbers, rays_shared
+from skinbake.diffuse.terms.ray_counts import ray_counts
 from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits, skin_points
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
@@ -19,8 +21,12 @@ from skinbake.scene.mesh import SkinMesh
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 RECEIVER_MM = 2.0  # texels that receive bounced light
-LOOKING, MORE = 32, 64  # rays that look whether there is skin at all; rays where there is
+RAYS = 64  # from each of those
+FINE = 0.65  # of the width asked for, below which texels take more neighbours
 
+_PILOT_RAYS, _PILOT_APART = 16, 2  # rays that ask how much skin there is, and texels along a side that ask once
+_PILOT_TURN = 7919  # so that they know nothing of the others
+_SCATTERED = 2654435761
 _RAYS_AT_ONCE = 1 << 20
 _R2 = 0.7548776662466927, 0.5698402909980532  # [Roberts2018]
 
@@ -34,11 +40,19 @@ class SkinView:
     atlas : Atlas
         The small one.
     tile : ndarray of shape (n,), int32
-        Place in the atlas of each texel that sees skin.
+        Place in the atlas of each texel that looks around, in its order.
     flat_index : ndarray of shape (n,), int64
         row * w + col of each.
-    seen : ndarray of shape (n, rays), int32
-        Which texel of `met` each ray meets, NOTHING where it meets no skin.
+    rays : ndarray of shape (n,), int64
+        How many each sends.
+    first : ndarray of shape (n + 1,), int64
+        Where in `seen` its rays begin that meet skin.
+    half : ndarray of shape (n,), int64
+        Where those of the second half of its rays do.
+    seen : ndarray of shape (k,), int32
+        Which texel of `met` each ray meets that meets skin.
+    weight : ndarray of shape (n, across^2), uint8, optional
+        Of its neighbours, where light is the mean with them.
     met : tuple of ndarray of shape (m,), int64
         row * W + col in the full texture of the texels that any ray meets, a tile in the atlas's order; they are
         numbered one tile after the other.
@@ -49,9 +63,18 @@ class SkinView:
     atlas: Atlas
     tile: NDArray[np.int32]
     flat_index: Index
+    rays: Index
+    first: Index
+    half: Index
     seen: NDArray[np.int32]
+    weight: NDArray[np.uint8] | None
     met: tuple[Index, ...]
     size: tuple[int, int]
+
+    @property
+    def share(self) -> Image:
+        """Share of each texel's rays that meets skin, (n,)."""
+        return np.divide(np.diff(self.first), self.rays, dtype=np.float32)
 
     def read(self, images: Sequence[Image]) -> Image:
         """Values at the texels that are met, (m, L, 3), of images (L, h, w, 3) of any size, a tile each."""
@@ -65,14 +88,25 @@ class SkinView:
 
     def receiver(self) -> Index:
         """Which receiving texel each texel lies in that is met, -1 where that receives nothing, (m,)."""
-        number, found = np.arange(len(self.tile)), []
         shapes = [raster.shape for raster in self.atlas]
-        for k, (rows, cols) in enumerate(self._at(shapes)):
-            of_texel = np.full(shapes[k], -1)
-            mine = self.tile == k
-            of_texel.reshape(-1)[self.flat_index[mine]] = number[mine]
-            found.append(of_texel[rows, cols])
-        return np.concatenate(found)
+        at = self._at(shapes)
+        return np.concatenate([self._numbers(k)[at[k]] for k in range(len(shapes))]).astype(np.int64)
+
+    def quieter(self, values: Image) -> Image:
+        """Values of the texels, (n, v), each the mean with its neighbours where such are taken."""
+        if self.weight is None or not len(values):
+            return values
+        out = []
+        for k, raster in enumerate(self.atlas):
+            mine = slice(*np.searchsorted(self.tile, [k, k + 1]))
+            flat = self.flat_index[mine]
+            out.append(mean_about(values[mine], self.weight[mine], numbers(raster.shape, flat), flat))
+        return np.concatenate(out)
+
+    def _numbers(self, k: int) -> NDArray[np.int32]:
+        """Number of the texel at each place of a tile, (h, w)."""
+        start, stop = np.searchsorted(self.tile, [k, k + 1])
+        return numbers(self.atlas[k].shape, self.flat_index[start:stop], int(start))
 
     def _at(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[Index, Index]]:
         """Rows and columns of the texels that are met in textures of other sizes."""
@@ -90,7 +124,8 @@ def look_around(
     gutter: int,
     udim: bool,
     receiver_mm: float = RECEIVER_MM,
-    rays: tuple[int, int] = (LOOKING, MORE),
+    rays: float = RAYS,
+    with_neighbours: bool = False,
 ) -> SkinView:
     """Trace rays from the texels of a texture whose texels are about `receiver_mm` wide.
 
@@ -105,55 +140,138 @@ def look_around(
         In its texels.
     udim : bool
     receiver_mm : float
-    rays : (int, int)
-        From every texel; from those of which one of these meets skin.
+    rays : float
+        The noise is that of so many from every texel. Who sends more of them, and who fewer, a few rays say that count
+        for nothing else: else a texel would send many where it happens to have met skin, and the mean be too small.
+    with_neighbours : bool
+        Whether light will be the mean with the neighbours, which share a sequence of directions then: of 5 x 5 where
+        texels are much finer than asked for.
     """
     atlas = coarser_atlas(mesh, size, gutter, udim, coarser_size(mesh, size, receiver_mm))
-    parts = []
-    for k, raster in enumerate(atlas):
+    flats, points, seen_shares, weights = [], [], [], []
+    across = 1
+    if with_neighbours:
+        across = 5 if _width_mm(atlas) < FINE * receiver_mm else 3
+    for raster in atlas:
         rows, cols = np.nonzero(raster.addressed)
-        flat = rows * raster.shape[1] + cols
-        point, normal = skin_points(raster, mesh, occluder, rows, cols)
-        first = trace_cosine(mesh, occluder, size, udim, point, normal, flat, 0, rays[0])
-        near = np.flatnonzero((first[1] != NOTHING).any(axis=1))
-        more = trace_cosine(
-            mesh, occluder, size, udim, point[near], normal[near], flat[near], rays[0], rays[1] - rays[0]
-        )
-        seen_tile, seen = (np.concatenate([a[near], b], axis=1) for a, b in zip(first, more, strict=True))
-        del first, more  # of fine texels and many rays a gigabyte
-        parts.append((np.full(len(near), k, np.int32), flat[near], seen_tile, seen))
-        del seen_tile, seen
-    texels = size[0] * size[1]
-    among = np.zeros(len(atlas) * texels, np.bool_)
-    for _, _, seen_tile, seen in parts:
-        for _, _, place in _hits(seen_tile, seen, texels):
-            among[place] = True
-    number = np.cumsum(among, dtype=np.int32) - 1
-    for _, _, seen_tile, seen in parts:
-        for some, hit, place in _hits(seen_tile, seen, texels):
-            some[hit] = number[place]
-    met = tuple(np.flatnonzero(of_tile) for of_tile in among.reshape(len(atlas), texels))
-    tile, texel = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
-    seen = parts[0][3] if len(parts) == 1 else np.concatenate([part[3] for part in parts])
-    return SkinView(atlas, tile, texel, seen, met, size[::-1])
+        flats.append(rows * raster.shape[1] + cols)
+        points.append(skin_points(raster, mesh, occluder, rows, cols))
+        seen_shares.append(_seen_about(mesh, occluder, size, udim, raster, points[-1], flats[-1]))
+        if with_neighbours:
+            weights.append(neighbour_weights(across, raster, *points[-1], flats[-1]))
+    flat, tile = np.concatenate(flats), np.repeat(np.arange(len(atlas), dtype=np.int32), [len(of) for of in flats])
+    point, normal = (np.concatenate(each) for each in zip(*points, strict=True))
+    weight = np.concatenate(weights) if with_neighbours else None
+    area = np.concatenate([r.area_mm2.reshape(-1)[of] for r, of in zip(atlas, flats, strict=True)]).astype(np.float64)
+    area = np.maximum(area, 0.25 * area.mean() if len(area) else 0.0)  # gutters are read along with what they surround
+    shared = np.ones(len(flat)) if weight is None else rays_shared(weight)
+    count = ray_counts(area, np.concatenate(seen_shares), shared, rays)
+    begin, turn = np.zeros_like(flat), flat
+    if with_neighbours:
+        # Of a block of texels each has its own part of one sequence, so that together they have the whole of it; blocks
+        # are turned as if by chance: one sequence for all leaves the same error everywhere
+        width = np.array([raster.shape[1] for raster in atlas])[tile]
+        row, col = flat // width, flat % width
+        begin = (row % across * across + col % across) * count
+        turn = (row // across * width + col // across) * _SCATTERED % (1 << 31)
+
+    met_skin, in_first_half = np.zeros((2, len(flat)), np.int64)
+    parts = []
+    for each in np.unique(count):
+        of_count = np.flatnonzero(count == each)
+        at_once = max(1, _RAYS_AT_ONCE // int(each))
+        for some in (of_count[k : k + at_once] for k in range(0, len(of_count), at_once)):
+            seen_tile, seen = trace_cosine(
+                mesh, occluder, size, udim, point[some], normal[some], turn[some], begin[some], int(each)
+            )
+            hit = seen != NOTHING
+            met_skin[some] = hit.sum(axis=1)
+            in_first_half[some] = hit[:, : each // 2].sum(axis=1)
+            place = seen_tile[hit].astype(np.int64) * (size[0] * size[1])
+            parts.append((some, place + seen[hit]))
+    return _numbered(atlas, tile, flat, count, met_skin, in_first_half, parts, weight, size)
 
 
-def _hits(
-    seen_tile: NDArray[np.int32], seen: NDArray[np.int32], texels: int
-) -> Iterator[tuple[NDArray[np.int32], NDArray[np.bool_], Index]]:
-    """Some rows of `seen` at a time, which of their rays meet skin, and the place in the whole atlas that those meet.
+def _width_mm(atlas: Atlas) -> float:
+    """Width of half of the texels at most, mm."""
+    area = np.concatenate([raster.area_mm2[raster.area_mm2 > 0] for raster in atlas])
+    return float(np.sqrt(np.median(area))) if len(area) else 0.0
+
+
+def _numbered(
+    atlas: Atlas,
+    tile: NDArray[np.int32],
+    flat: Index,
+    count: Index,
+    met_skin: Index,
+    in_first_half: Index,
+    parts: Sequence[tuple[Index, Index]],
+    weight: NDArray[np.uint8] | None,
+    size: tuple[int, int],
+) -> SkinView:
+    """The view, in the order of its texels.
 
     Parameters
     ----------
-    seen_tile, seen : ndarrays of shape (n, rays)
-        Tile's place in the atlas and texel of it.
-    texels : int
-        Of a tile.
+    atlas : Atlas
+    tile, flat, count, weight
+        As of `SkinView`.
+    met_skin, in_first_half : ndarrays of shape (n,)
+        How many rays of each texel meet skin; of the first half of them.
+    parts : sequence of tuples
+        Some texels, and the place in the whole atlas of the skin that each of their rays meets, ray by ray.
+    size : (width, height)
+        Of the full texture.
     """
-    for block in _blocks(seen):
-        some = seen[block]
-        hit = some != NOTHING
-        yield some, hit, seen_tile[block][hit].astype(np.int64) * texels + some[hit]
+    texels = size[0] * size[1]
+    first = np.concatenate([[0], np.cumsum(met_skin)])
+    among = np.zeros(len(atlas) * texels, np.bool_)
+    for _, place in parts:
+        among[place] = True
+    number = np.cumsum(among, dtype=np.int32) - 1
+    seen = np.empty(first[-1], np.int32)
+    for some, place in parts:
+        many = met_skin[some]
+        begins = np.cumsum(many) - many
+        seen[np.arange(len(place)) + np.repeat(first[some] - begins, many)] = number[place]
+    met = tuple(np.flatnonzero(of_tile) for of_tile in among.reshape(len(atlas), texels))
+    return SkinView(atlas, tile, flat, count, first, first[:-1] + in_first_half, seen, weight, met, size[::-1])
+
+
+def _seen_about(
+    mesh: SkinMesh,
+    occluder: Occluder,
+    size: tuple[int, int],
+    udim: bool,
+    raster: AtlasRaster,
+    points: tuple[Image, Image],
+    flat: Index,
+) -> NDArray[np.float64]:
+    """About which share of each texel's view is skin, between 0 and 1, by a few rays of a few texels about it, (n,).
+
+    Parameters
+    ----------
+    mesh, occluder, size, udim
+        As of `look_around`.
+    raster : AtlasRaster
+    points : (point, normal)
+        Of its addressed texels.
+    flat : ndarray of shape (n,)
+    """
+    row, col = np.divmod(flat, raster.shape[1])
+    ask = np.flatnonzero((row % _PILOT_APART == 0) & (col % _PILOT_APART == 0))
+    _, seen = trace_cosine(
+        mesh, occluder, size, udim, points[0][ask], points[1][ask], flat[ask] * _PILOT_TURN, np.zeros_like(ask),
+        _PILOT_RAYS,
+    )  # fmt: skip
+    row, col = row // _PILOT_APART, col // _PILOT_APART
+    skin, asked = np.zeros((2, row.max(initial=0) + 3, col.max(initial=0) + 3))
+    skin[row[ask] + 1, col[ask] + 1] = (seen != NOTHING).sum(axis=1)
+    asked[row[ask] + 1, col[ask] + 1] = _PILOT_RAYS
+    skin, asked = (sum(each[dy : len(each) - 2 + dy] for dy in range(3)) for each in (skin, asked))
+    skin, asked = (sum(each[:, dx : each.shape[1] - 2 + dx] for dx in range(3)) for each in (skin, asked))
+    share: NDArray[np.float64] = ((skin + 0.5) / (asked + 1))[row, col]
+    return share
 
 
 def _blocks(rays: NDArray[np.int32]) -> Iterator[slice]:
@@ -169,8 +287,8 @@ def trace_cosine(
     udim: bool,
     point: Image,
     normal: Image,
-    flat: Index,
-    first: int,
+    turn: Index,
+    first: Index,
     count: int,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Tile's place in the atlas and texel of the full texture that each ray meets, both (n, count).
@@ -185,18 +303,20 @@ def trace_cosine(
     udim : bool
     point, normal : ndarrays of shape (n, 3), float32
         From where rays start, cosine distributed about the normal.
-    flat : ndarray of shape (n,), int64
-        Number of each point, which turns its sequence of rays.
-    first, count : int
-        The first ray of the sequence, and how many.
+    turn : ndarray of shape (n,), int64
+        A number for each point, which turns its sequence of rays.
+    first : ndarray of shape (n,), int64
+        The first ray of the sequence that each takes.
+    count : int
+        How many.
     """
     step = np.float32(0.01 + 32 * occluder.spacing_mm)
     tile, texel = np.empty((2, len(point), count), np.int32)
     for part in _blocks(tile):  # a ray takes 24 bytes, what it meets 8
-        points = _Points(point[part], normal[part], flat[part])
+        points = _Points(point[part], normal[part], turn[part], first[part])
         origin = np.empty((len(points.point) * count, 3), np.float32)
         direction = np.empty_like(origin)
-        parallel_for(_aim, len(points.point), points, _Sequence(first, count, step), origin, direction)
+        parallel_for(_aim, len(points.point), points, _Sequence(count, step), origin, direction)
         met = locate_hits(mesh, occluder, size, udim, origin, direction)
         tile[part], texel[part] = (each.reshape(-1, count) for each in met)
     return tile, texel
@@ -208,13 +328,16 @@ class _Points(NamedTuple):
     Attributes
     ----------
     point, normal : ndarrays of shape (n, 3), float32
-    flat : ndarray of shape (n,), int64
-        Number of the texel, which turns its sequence of rays.
+    turn : ndarray of shape (n,), int64
+        A number, which turns its sequence of rays.
+    first : ndarray of shape (n,), int64
+        The first ray of it.
     """
 
     point: Image
     normal: Image
-    flat: Index
+    turn: Index
+    first: Index
 
 
 class _Sequence(NamedTuple):
@@ -222,13 +345,12 @@ class _Sequence(NamedTuple):
 
     Attributes
     ----------
-    first, amount : int
-        The first one, and how many.
+    amount : int
+        How many.
     step : float32
         Start above the skin, mm.
     """
 
-    first: int
     amount: int
     step: np.float32
 
@@ -245,17 +367,17 @@ def _aim(start, stop, points, sequence, origin, direction):  # type: ignore[no-u
     sequence : _Sequence
     origin, direction : ndarrays of shape (n * amount, 3), written
     """
-    point, normal, flat = points.point, points.normal, points.flat
-    first, count, step = sequence.first, sequence.amount, sequence.step
+    point, normal, turn, first = points.point, points.normal, points.turn, points.first
+    count, step = sequence.amount, sequence.step
     for i in range(start, stop):
         nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
         sign = 1.0 if nz >= 0.0 else -1.0
         a = -1.0 / (sign + nz)
         b = nx * ny * a
         # Neighbouring texels look at other places of the pattern
-        turn_0, turn_1 = flat[i] * 0.6180339887498949 % 1.0, flat[i] * 0.41421356237309515 % 1.0
+        turn_0, turn_1 = turn[i] * 0.6180339887498949 % 1.0, turn[i] * 0.41421356237309515 % 1.0
         for k in range(count):
-            u, v = (turn_0 + (first + k) * _R2[0]) % 1.0, (turn_1 + (first + k) * _R2[1]) % 1.0
+            u, v = (turn_0 + (first[i] + k) * _R2[0]) % 1.0, (turn_1 + (first[i] + k) * _R2[1]) % 1.0
             r, angle = np.sqrt(u), 2.0 * np.pi * v
             p, q, up = r * np.cos(angle), r * np.sin(angle), np.sqrt(1.0 - u)
             at = i * count + k

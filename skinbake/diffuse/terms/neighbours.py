@@ -1,0 +1,147 @@
+"""A mean with the neighbouring texels that look the same way: it hides noise, and leaves creases as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import AtlasRaster
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+
+Image = NDArray[np.float32]
+Index = NDArray[np.int64]
+BINOMIAL = {3: (0.5, 1.0, 0.5), 5: (1 / 6, 4 / 6, 1.0, 4 / 6, 1 / 6)}  # weights by the number of texels across
+LEAST_COSINE = 0.95  # between normals, from which on a neighbour counts; in full where they are the same
+WORTH = 0.45  # of its weight that a neighbour's rays save of one's own: sequences of texels are no single one
+_FULL = 252  # weight of the texel itself
+_REACH = 1.5  # texels' widths that a neighbour may be away for each that it is in the texture: else it is other skin
+
+
+def neighbour_weights(across: int, raster: AtlasRaster, point: Image, normal: Image, flat: Index) -> NDArray[np.uint8]:
+    """Weight of each of `across`^2 neighbours of every addressed texel, (n, k); 0 where there is none or other skin.
+
+    Parameters
+    ----------
+    across : int
+        3 or 5 texels.
+    raster : AtlasRaster
+    point, normal : ndarrays of shape (n, 3), float32
+        Of its addressed texels.
+    flat : ndarray of shape (n,), int64
+        row * w + col of each.
+    """
+    out = np.zeros((len(flat), across * across), np.uint8)
+    binomial = np.outer(BINOMIAL[across], BINOMIAL[across])
+    texels = flat, numbers(raster.shape, flat), raster.area_mm2
+    parallel_for(_weigh, len(flat), (point, normal), texels, binomial, out)
+    return out
+
+
+def numbers(shape: tuple[int, int], flat: Index, first: int = 0) -> NDArray[np.int32]:
+    """Number of the texel at each place, counted from `first`; -1 where none is, (h, w).
+
+    Parameters
+    ----------
+    shape : (h, w)
+    flat : ndarray of shape (n,), int64
+        row * w + col of each texel.
+    first : int
+    """
+    out = np.full(shape, -1, np.int32)
+    out.reshape(-1)[flat] = np.arange(first, first + len(flat), dtype=np.int32)
+    return out
+
+
+def mean_about(values: Image, weight: NDArray[np.uint8], number: NDArray[np.int32], flat: Index) -> Image:
+    """Values (n, v) of texels, each the weighted mean with its neighbours.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n, v), float32
+    weight : ndarray of shape (n, k)
+        As `neighbour_weights` gives them.
+    number : ndarray of shape (h, w)
+        Of each texel.
+    flat : ndarray of shape (n,), int64
+    """
+    out = np.zeros_like(values)
+    parallel_for(_mean, len(flat), values, weight, number, flat, out)
+    return out
+
+
+def rays_shared(weight: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """How many times its own rays each texel's mean with its neighbours is worth, (n,)."""
+    total = weight.sum(axis=1, dtype=np.float64)
+    shared = total**2 / np.maximum(np.einsum("nk,nk->n", weight, weight, dtype=np.float64), 1.0)
+    worth: NDArray[np.float64] = 1 + WORTH * np.maximum(shared - 1, 0)
+    return worth
+
+
+@kernel
+def _weigh(start, stop, skin, texels, binomial, out):  # type: ignore[no-untyped-def]
+    """Write the weights of each texel's neighbours.
+
+    Parameters
+    ----------
+    start, stop : int
+        Texels.
+    skin : tuple of two ndarrays of shape (n, 3)
+        Points and normals.
+    texels : tuple of ndarrays of shape (n,), (h, w) and (h, w)
+        row * w + col of each, the number and the area of the texel at each place.
+    binomial : ndarray of shape (across, across)
+    out : ndarray of shape (n, across^2), written
+    """
+    point, normal = skin
+    flat, number, area_mm2 = texels
+    height, width = number.shape
+    across = len(binomial)
+    for i in range(start, stop):
+        row, col = flat[i] // width, flat[i] % width
+        for k in range(across * across):
+            down, right = k // across - across // 2, k % across - across // 2
+            y, x = row + down, col + right
+            if y < 0 or y >= height or x < 0 or x >= width or number[y, x] < 0:
+                continue
+            j = number[y, x]
+            cosine, away = 0.0, 0.0
+            for axis in range(3):
+                cosine += normal[i, axis] * normal[j, axis]
+                away += (point[i, axis] - point[j, axis]) ** 2
+            if j == i:
+                out[i, k] = _FULL
+                continue
+            reach = _REACH * _REACH * (down * down + right * right)
+            if away <= reach * max(area_mm2[row, col], area_mm2[y, x]) and cosine > LEAST_COSINE:
+                alike = min((cosine - LEAST_COSINE) / (1.0 - LEAST_COSINE), 1.0)
+                out[i, k] = int(_FULL * binomial[k // across, k % across] * alike)
+
+
+@kernel
+def _mean(start, stop, values, weight, number, flat, out):  # type: ignore[no-untyped-def]
+    """Write the weighted means.
+
+    Parameters
+    ----------
+    start, stop : int
+        Texels.
+    values : ndarray of shape (n, v)
+    weight : ndarray of shape (n, across^2)
+    number : ndarray of shape (h, w)
+    flat : ndarray of shape (n,)
+    out : ndarray of shape (n, v), holding 0; written
+    """
+    width = number.shape[1]
+    across = int(np.sqrt(weight.shape[1]))
+    for i in range(start, stop):
+        total = 0.0
+        for k in range(across * across):
+            if weight[i, k] > 0:
+                total += weight[i, k]
+                row, col = flat[i] // width + k // across - across // 2, flat[i] % width + k % across - across // 2
+                j = number[row, col]
+                for v in range(values.shape[1]):
+                    out[i, v] += weight[i, k] * values[j, v]
+        for v in range(values.shape[1]):
+            out[i, v] /= total
