@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinbake.atlas.border import chart_edges, nearest_chart_points
 from skinbake.atlas.coverage import RasterArrays, bin_by_band, rasterize_coverage
@@ -45,9 +46,14 @@ def rasterize(mesh: SkinMesh, size: tuple[int, int], gutter: int = 8, udim: bool
     width, height = size
     if width < 1 or height < 1 or gutter < 0:
         raise ValueError(f"expected size >= 1 x 1 and gutter >= 0, got {size} and {gutter}")
-    uv_area = signed_uv_area(mesh)
-    edges = chart_edges(mesh, uv_area)
+    uv_area, edges = mesh.derived(_charts)  # of every size alike
     return tuple(_rasterize_tile(mesh, tile, size, gutter, uv_area, edges) for tile in tiles_of(mesh, udim))
+
+
+def _charts(mesh: SkinMesh) -> tuple[Float, NDArray[np.int64]]:
+    """Area of each face in UV space, and the edges on the borders of charts (`chart_edges`)."""
+    uv_area = signed_uv_area(mesh)
+    return uv_area, chart_edges(mesh, uv_area)
 
 
 def signed_uv_area(mesh: SkinMesh) -> Float:
@@ -58,7 +64,7 @@ def signed_uv_area(mesh: SkinMesh) -> Float:
 
 
 def _rasterize_tile(
-    mesh: SkinMesh, tile: int, size: tuple[int, int], gutter: int, uv_area: Float, edges: np.ndarray
+    mesh: SkinMesh, tile: int, size: tuple[int, int], gutter: int, uv_area: Float, edges: NDArray[np.int64]
 ) -> AtlasRaster:
     """Raster of one tile: coverage, centres, then closest points for the rest."""
     width, height = size

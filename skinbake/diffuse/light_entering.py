@@ -157,8 +157,9 @@ def light_entering(
             normal = shading_normals(raster, scene.mesh, scene.maps, aside.zeros)[1]
         out = aside.zeros((len(names) if decisions.separate_lights else 1, *raster.shape, 3), np.float32)
         moved = aside.zeros(out.shape, np.float32) if shifted else None
+        image = np.empty((*raster.shape, 3), np.float32)
         for i, name in enumerate(names):
-            image = tile.rgb[i].astype(np.float32)
+            np.copyto(image, tile.rgb[i])
             if name in slanted:
                 assert slant is not None
                 apply_slant(raster, normal, scene.occluder, _named(spec, name), slant, skies.get(name), image)
@@ -167,12 +168,14 @@ def light_entering(
             out[place] += image
             if moved is not None and name in shifted:
                 image *= albedo[k] if exponent == 1 else albedo[k] ** exponent
-                moved[place] += shifts[k].read(_named(spec, name), image) - image
-            del image
+                upstream = shifts[k].read(_named(spec, name), image)
+                upstream -= image
+                moved[place] += upstream
+                del upstream
         light[raster.tile] = out
         if moved is not None:
             further[raster.tile] = moved
-        del out, moved, normal  # large, and the terms that follow need room
+        del out, moved, normal, image  # large, and the terms that follow need room
     aside.rest()
     return_freed()
     if not decisions.separate_lights:

@@ -19,7 +19,7 @@ from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float, Zeros, stacked
+from skinbake.numerics import Float, Zeros
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.scene.maps import SkinMaps
@@ -27,6 +27,7 @@ from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SpecularSpec
 
 Image = NDArray[np.float32]
+Kept = NDArray[np.floating]
 DARK = "no skin gets any of its light; is it where it should be, does it look the right way, is it not black?"
 
 
@@ -94,7 +95,7 @@ def light_texels(
     maps_out, dark = [], set(names)
     for raster in atlas:
         surface = texel_surface(raster, mesh, maps, specular, occluder, zeros)
-        found = []
+        rgb = seen = None
         lit = zeros((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
         for k, light in enumerate(lights):
             tell(f"{light.name}, {k + 1} of {len(lights)}")
@@ -107,15 +108,41 @@ def light_texels(
             else:
                 _light_one(surface, occluder, light, casts, table, lit)
             kept = rounded(lit)
-            found.append(lit.copy() if kept is lit else kept)
-        del surface, lit
-        rgb, seen = (stacked([kept[..., part] for kept in found], zeros) for part in (np.s_[:3], 3))
+            rgb = _with(rgb, k, kept[..., :3], len(lights), zeros)
+            seen = _with(seen, k, kept[..., 3], len(lights), zeros)
+        del surface, lit, kept
+        assert rgb is not None
+        assert seen is not None
         dark -= {name for name, image in zip(names, rgb, strict=True) if any(row.any() for row in image)}
         maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
     for name in names:
         if name in dark:
             plan[name] = (*plan.get(name, ()), Decision(name, False, DARK))
     return tuple(maps_out)
+
+
+def _with(images: Kept | None, k: int, image: Kept, count: int, zeros: Zeros) -> Kept:
+    """Images of lights one behind the other, (L, ...), with that of light k, of the type that holds those so far.
+
+    Parameters
+    ----------
+    images : ndarray of shape (L, ...), optional
+        Of the lights before.
+    k : int
+    image : ndarray of shape (...)
+    count : int
+        How many lights there are.
+    zeros : callable
+        Makes the array.
+    """
+    kind = image.dtype if images is None else np.result_type(images, image)
+    if images is None or images.dtype != kind:
+        wider = zeros((count, *image.shape), kind)
+        if images is not None:
+            wider[:k] = images[:k]
+        images = wider
+    images[k] = image
+    return images
 
 
 def _light_one(

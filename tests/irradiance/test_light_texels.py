@@ -14,6 +14,7 @@ from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SpecularSpec
 from tests.shapes import joined, quad, sphere
 
+LEVELS = ("one", 1 / 3), ("two", 1e5), ("three", 0.7)
 SUN = {"name": "sun", "type": "directional", "irradiance": (1.0, 0.5, 0.25)}
 
 
@@ -380,3 +381,21 @@ def test_a_mesh_far_from_the_origin_is_lit_as_well():
     _, expected = light_one(near, sun(-1, -0.4, 0.2), (90, 60))
     _, result = light_one(far, sun(-1, -0.4, 0.2), (90, 60))
     np.testing.assert_allclose(result.rgb, expected.rgb, atol=1e-4)
+
+
+def test_a_light_that_is_no_half_has_all_kept_as_floats():
+    """Rounded to half but for the second of three: all are floats then, each with its own values, once each."""
+    mesh, done = quad(), []
+
+    def rounded(image):
+        done.append(image.copy())
+        return image if len(done) == 2 else image.astype(np.float16)
+
+    lights = [sun(0, 0, -1).model_copy(update={"name": name, "irradiance": (e, e, e)}) for name, e in LEVELS]
+    (result,) = light_texels(rasterize(mesh, (16, 12)), mesh, SkinMaps(), lights, rounded=rounded)
+    assert result.rgb.dtype == np.float32
+    for k, (_, level) in enumerate(LEVELS):
+        kept = done[k] if k == 1 else done[k].astype(np.float16)
+        np.testing.assert_array_equal(result.rgb[k], kept[..., :3])
+        np.testing.assert_array_equal(result.visibility[k], kept[..., 3])
+        assert result.rgb[k].max() == pytest.approx(level, rel=1e-3)

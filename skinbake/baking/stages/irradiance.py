@@ -102,14 +102,15 @@ class IrradianceStage(Stage[Maps, Maps]):
         stored = self._results.irradiance() if len(missing) < len(self.light_keys) else ()
         if stored is None:  # damaged: as good as missing
             missing, stored = tuple(self.light_keys), ()
-        atlas = self._raster.result()
+        atlas, traced = self._raster.result(), list[Maps]()
 
         def trace(names: tuple[str, ...]) -> dict[str, Arrays]:
             def rounded(image: NDArray[np.float32]) -> NDArray[np.floating]:
-                return spool.keep(as_stored(image, spec.output.precision))
+                return as_stored(image, spec.output.precision)
 
             made = light_skin(spec, inputs.decisions, inputs.scene(), atlas, names, rounded, self._say, spool.zeros)
             self._session.traced += names
+            traced.append(made)
             return _by_light(made)
 
         cache = self._results.cache
@@ -117,7 +118,9 @@ class IrradianceStage(Stage[Maps, Maps]):
             found = cache.get_many({name: self.light_keys[name] for name in missing}, trace)
         else:
             found = trace(missing) if missing else {}
-        return _merged(tuple(self.light_keys), found, stored, atlas, spool.zeros)
+        names = tuple(self.light_keys)
+        whole = next((made for made in traced if made[0].lights == names), ())
+        return _merged(names, found, stored, atlas, spool.zeros, whole)
 
     def store(self, made: Maps) -> Maps:
         """Keep the irradiance; computed values are rounded already."""
@@ -156,7 +159,12 @@ def _by_light(maps: Maps) -> dict[str, Arrays]:
 
 
 def _merged(
-    names: tuple[str, ...], found: Mapping[str, Arrays], stored: Sequence[IrradianceMap], atlas: Atlas, zeros: Zeros
+    names: tuple[str, ...],
+    found: Mapping[str, Arrays],
+    stored: Sequence[IrradianceMap],
+    atlas: Atlas,
+    zeros: Zeros,
+    whole: Maps = (),
 ) -> Maps:
     """Lights in the order of `names`: from `found` where it has them, else from what was `stored`.
 
@@ -169,6 +177,8 @@ def _merged(
     atlas : Atlas
     zeros : callable
         Makes the images.
+    whole : tuple of IrradianceMap
+        Where all lights of `found` were traced together: their images are taken as they are.
     """
     tiles = []
     plan = {name: lines for tile in stored[:1] for name, lines in tile.plan.items() if name in names}
@@ -177,6 +187,10 @@ def _merged(
         if "plan" in entry:
             plan[name] = plan_of_text(entry["plan"].tobytes().decode())
     for k, raster in enumerate(atlas):
+        if whole:
+            traced = whole[k]
+            tiles.append(IrradianceMap(raster.tile, names, traced.rgb, traced.visibility, raster.coverage, plan))
+            continue
         rgb, visibility = [], []
         for name in names:
             if name in found:
