@@ -22,7 +22,7 @@ from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.skin_view import SkinView
-from skinbake.diffuse.terms.thin_parts import ThinParts
+from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
@@ -38,6 +38,7 @@ from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import SceneSpec
 
+PLAIN = 0.5  # of what may be left out of light through thin parts: less is left out by what few texels say
 LIKELY_LOBES = 6  # before the profile is fitted
 # (kind of result, digest of each light by name, how to make those of some names) -> values by name
 Remember = Callable[[Kind, Mapping[str, str], Make], Mapping[str, Values]]
@@ -115,20 +116,6 @@ def scatter(
     skin_light = entering.skin_light
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
     share, thin, arrived = uniform_scatter(gaussians, spec.skin), None, None
-    if spec.terms.transmission != "off":
-        thin = ThinParts.of(
-            scene.mesh,
-            gaussians,
-            spec.texture.size,
-            spec.texture.gutter,
-            spec.texture.udim,
-            mean_albedo,
-            scene.occluder,
-            skin_medium(spec.skin),
-            share,
-        )
-        arrived = SmallLight.of(entering.rgb, thin) if skin_light else None
-    del entering
     texture, terms, budget = spec.texture, spec.terms, decisions.budget
     # What each light's terms have left, the blur's error taken as measured
     blur, lights = diffused.error.rms if diffused.error else budget.blur, irradiance[0].lights
@@ -136,22 +123,29 @@ def scatter(
     spent = left_wrong((*before, *plan), lights, blur)
     limit = sqrt(max(budget.tolerance**2 - spent**2, 0.0))
     tell("light through thin parts")
-    through, line = transmit(
+    of_skin = scene.mesh, gaussians, texture.size, texture.gutter, texture.udim, mean_albedo
+    look_behind = partial(ThinParts.of, *of_skin, scene.occluder, skin_medium(spec.skin), share)
+    pass_through = partial(
+        transmit,
         diffused,
-        scene.mesh,
-        gaussians,
-        texture.size,
-        texture.gutter,
-        texture.udim,
-        mean_albedo,
+        *of_skin,
         terms.transmission,
         spec.diffusion.tolerance,
         limit=limit,
         lights=through_by,
         scatter=share,
-        thin=thin,
         rest=aside.rest,
     )
+    through, line = None, None
+    if terms.transmission == "auto":  # few texels tell where it is far from being worth it
+        _, line = pass_through(thin=look_behind(texel_mm=FEW_MM), margin=PLAIN)
+    plainly_dark = line is not None and not line.enabled
+    if terms.transmission != "off" and not plainly_dark:
+        thin = look_behind()
+        arrived = SmallLight.of(entering.rgb, thin) if skin_light else None
+    del entering
+    if line is None or not plainly_dark:
+        through, line = pass_through(thin=thin)
     lobes = curved.applied(diffused.lobes) if curved else diffused.lobes
     if through is not None and arrived is not None and skin_light is not None:
         through = sent_on(through, lobes, arrived, diffused.lights, skin_light, spec, scene, gaussians, aside.rest)

@@ -9,6 +9,7 @@ from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.terms.far_side import far_side
 from skinbake.diffuse.terms.slab_weights import SlabWeights, fit_slabs, slab_weights
+from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.occluder import Occluder
@@ -238,6 +239,19 @@ def test_auto_leaves_out_what_is_too_thick():
     assert transmit(diffused, mesh, profile, size, 4, False, np.array([0.5] * 3), "off", 0.01)[0] is None
     _, diffused = lit_below(slab_mesh(2.0), profile, size)
     assert transmit(diffused, slab_mesh(2.0), profile, size, 4, False, np.array([0.5] * 3), "auto", 0.01)[1].enabled
+
+
+def test_a_few_texels_say_what_comes_through_as_all_do():
+    """Behind a quarter of the texels there is as much light as behind all; half of the limit leaves out no more."""
+    profile, mesh, size = gaussians(energy=0.5), slab_mesh(6.0), (240, 120)
+    _, diffused = lit_below(mesh, profile, size)
+    skin = mesh, profile, size, 4, False, np.array([0.5] * 3)
+    all_of_it, few = ThinParts.of(*skin), ThinParts.of(*skin, texel_mm=FEW_MM)
+    assert few.tiles[0].raster.shape < all_of_it.tiles[0].raster.shape
+    whole, guess = (transmit(diffused, *skin, "auto", 9.0, thin=thin)[1].error for thin in (all_of_it, few))
+    assert guess == pytest.approx(whole, rel=0.05)
+    kept = [transmit(diffused, *skin, "auto", 9.0, limit=1.5 * whole, thin=few, margin=m)[1].enabled for m in (1, 0.5)]
+    assert kept == [False, True]
 
 
 def test_a_medium_that_is_known_is_the_slab_s():

@@ -23,6 +23,7 @@ from skinbake.scene.mesh import SkinMesh
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 TEXEL_MM = 0.4  # transmitted light is smooth: no finer texels than these are computed or stored
+FEW_MM = 1.6  # of the texels by which `auto` decides where that is plain: a sixteenth of them
 _AT_ONCE = 1 << 18  # texels that are looked behind at a time
 
 
@@ -74,6 +75,7 @@ class ThinParts(NamedTuple):
         occluder: Occluder | None = None,
         medium: SkinMedium | None = None,
         scatter: float = 1.0,
+        texel_mm: float = TEXEL_MM,
     ) -> ThinParts:
         """Trace inwards from the texels of a texture.
 
@@ -81,14 +83,16 @@ class ThinParts(NamedTuple):
         ----------
         mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter
             As of `transmit`.
+        texel_mm : float
+            Of the texels that are looked behind, about.
         """
         reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
         if scatter < 1 or (gaussians.table is not None and gaussians.table.scatters):
             weights, gaussians = _of_what_scatters(gaussians, reflectance, medium)
         else:
             weights = slab_weights(gaussians, reflectance, medium)
-        texel_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
-        coarse = 1 << transmitted_level(texel_mm)
+        full_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
+        coarse = 1 << transmitted_level(full_mm, texel_mm)
         small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
         occluder = occluder or Occluder(mesh)
         tiles = []
@@ -142,9 +146,9 @@ def _of_what_scatters(
     return replace(slab, weight_rgb=padded), replace(gaussians, weight_rgb=np.concatenate([none, whole]))
 
 
-def transmitted_level(texel_mm: float) -> int:
+def transmitted_level(full_mm: float, texel_mm: float = TEXEL_MM) -> int:
     """How often a texture is halved for transmitted light, from the length of a texel of the full size."""
-    return int(np.floor(np.log2(max(TEXEL_MM / max(texel_mm, 1e-6), 1.0))))
+    return int(np.floor(np.log2(max(texel_mm / max(full_mm, 1e-6), 1.0))))
 
 
 def _reach(weights: SlabWeights, rays: int) -> Image:

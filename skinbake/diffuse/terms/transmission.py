@@ -76,6 +76,7 @@ def transmit(
     scatter: float = 1.0,
     thin: ThinParts | None = None,
     rest: Callable[[], None] = lambda: None,
+    margin: float = 1.0,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe, and the plan's line on it.
 
@@ -105,6 +106,8 @@ def transmit(
         What `ThinParts.of` made of the same skin on the same texture.
     rest : callable, optional
         Frees the memory of each lobe that was read.
+    margin : float
+        Of what may be left out: `auto` leaves out no more than this share of it.
 
     References
     ----------
@@ -125,7 +128,7 @@ def transmit(
         through.append((image[:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
         reflected.append(_reflected(diffused, mesh, udim, gaussians, raster, rest))
     rms, peak = _contribution(*_joined(through), *_joined(reflected), sum(float(r.area_mm2.sum()) for r in atlas))
-    kept = switch == "on" or peak > WORTH * tolerance or rms > limit
+    kept = switch == "on" or peak > margin * WORTH * tolerance or rms > margin * limit
     found = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
     why = f"{switch}: through thin parts {found}, worth it from {WORTH * tolerance:.1%} (rms {limit:.2%})"
     lobe = Lobe(float(gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb) if kept else None
