@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.numerics import Zeros
+
 # A channel that is fainter everywhere would lose digits to half's subnormals (6e-5) within 8 stops of its top
 HALF_FAINT = 1.0 / 64
 
@@ -30,12 +32,9 @@ def channels_half_holds(values: NDArray[Any], half: NDArray[np.float16]) -> NDAr
     half : ndarray of shape (H, W, C), float16
         The same, rounded (`as_half`).
     """
-    # Integers compare fast, and in the order of the magnitudes; the sign is the top bit
-    rows = half.view(np.uint16).reshape(len(half), -1)
-    most = rows.max(axis=0, initial=0)
-    if (most & 0x8000).any():
-        most = np.maximum(most & 0x7FFF, rows.view(np.int16).max(axis=0, initial=0).astype(np.uint16))
-    top = most.reshape(half.shape[1:]).max(axis=0, initial=0).view(np.float16)
+    from skinbake.kernels.half import largest_bits
+
+    top = largest_bits(half).view(np.float16)
     holds = half_holds(top)
     for channel in np.flatnonzero(top == 0):
         holds[channel] = not values[..., channel].any()  # or it was too faint for half
@@ -67,3 +66,27 @@ def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
     for *index, channel in np.argwhere(~holds.reshape(*values.shape[:-3], -1)):
         out[*index, ..., channel] = values[*index, ..., channel]
     return out
+
+
+def as_stored_with_sum(
+    images: NDArray[np.float32], precision: str, empty: Zeros = np.empty
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """`as_stored` of images, and of their sum, which is taken before they are rounded; read once where half holds all.
+
+    Parameters
+    ----------
+    images : ndarray of shape (L, H, W, C), float32
+    precision : "half" or "float"
+    empty : callable, optional
+        Makes the arrays, all of which is written.
+    """
+    from skinbake.kernels.half import as_half_with_sum
+
+    if precision == "half" and images.dtype == np.float32 and images.flags.c_contiguous:
+        half, total = empty(images.shape, np.float16), empty(images.shape[1:], np.float16)
+        as_half_with_sum(images, half, total)
+        if all(channels_half_holds(*each).all() for each in zip(images, half, strict=True)):
+            # A channel of the sum is 0 only where it is 0 in all of them
+            if channels_half_holds(images[0], total).all():
+                return half, total
+    return as_stored(images, precision), as_stored(images.sum(axis=0, dtype=np.float32), precision)

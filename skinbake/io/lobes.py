@@ -20,7 +20,7 @@ from skinbake.io.irradiance import LAYOUTS, LIGHT, TOTAL, tile_path
 from skinbake.io.output_names import is_output
 from skinbake.io.record import Record
 from skinbake.io.spool import Spool
-from skinbake.stored_precision import as_stored
+from skinbake.stored_precision import as_stored_with_sum
 
 TRANSMISSION = "transmission"  # in files, in the place of a method
 
@@ -114,11 +114,10 @@ def as_stored_lobe(lobe: Lobe, precision: str, spool: Spool | None = None) -> St
     spool : Spool, optional
         Keeps the pixels until they are written.
     """
-    keep, rgb, total = (spool or Spool()).keep, {}, {}
+    spool, rgb, total = spool or Spool(), {}, {}
     for tile in list(lobe.rgb):
-        exact = lobe.rgb.pop(tile)
-        total[tile] = keep(as_stored(exact.sum(axis=0, dtype=np.float32), precision))
-        rgb[tile] = keep(as_stored(exact, precision))
+        each, together = as_stored_with_sum(lobe.rgb.pop(tile), precision, spool.empty)
+        rgb[tile], total[tile] = spool.keep(each), spool.keep(together)
     return StoredLobe(**vars(lobe) | {"rgb": rgb, "total": total})
 
 

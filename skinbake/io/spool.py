@@ -9,19 +9,23 @@ from __future__ import annotations
 import mmap
 import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any, TypeVar
-from weakref import WeakSet, ref
+from weakref import WeakSet, finalize, ref
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from skinbake.kernels.threads import for_slices
 from skinbake.machine import MappedMemory
 
 Kind = TypeVar("Kind", bound=np.generic)
 _SMALLEST = 1 << 20  # bytes: less is not worth a file
 MOST_READ = 512 << 20  # bytes of files that are in memory at a time, about
+MOST_IDLE = 512 << 20  # bytes of files that no array is in any more, and that serve the next ones
+_ROOMY = 1.5  # times what an array takes: a larger file is not given to it
 _AT_ONCE = 1 << 26  # bytes that are copied at a time; whole pages
 _LOOK_S, _FAR_S = 0.01, 0.04  # between looks at how much there is, near the limit and below half of it
 
@@ -32,6 +36,10 @@ class Spool:
     However large they are, and whatever reads them, `most_read` bytes of them are in this process's memory at a time:
     a thread watches, and lets all go where it is more. What is read still is then read again from the system's own
     copy of the file, which it frees by itself where memory is short.
+
+    The file of an array that is gone serves the next one of about its size: a system that makes and clears new pages of
+    a file takes several times as long as clearing those that are there, and a bake makes 4 GiB of such arrays at
+    2048 x 2048, one after the other.
 
     Parameters
     ----------
@@ -44,6 +52,7 @@ class Spool:
     def __init__(self, folder: Path | None = None, most_read: int | None = None) -> None:
         self._folder, self._most_read = folder, MOST_READ if most_read is None else most_read
         self._files: WeakSet[mmap.mmap] = WeakSet()
+        self._idle: list[mmap.mmap] = []
         self._lock = threading.Lock()
         self._watched = False
 
@@ -60,20 +69,36 @@ class Spool:
         shape : tuple of int
         dtype : dtype
         """
-        size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
-        content = self._file(size) if size >= _SMALLEST else None
-        return np.zeros(shape, dtype) if content is None else np.frombuffer(content, dtype).reshape(shape)
+        return self._made(shape, np.dtype(dtype), np.zeros)
+
+    def empty(self, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> NDArray[Any]:
+        """As `zeros`, with anything in it: for who fills all of it.
+
+        Parameters
+        ----------
+        shape : tuple of int
+        dtype : dtype
+        """
+        return self._made(shape, np.dtype(dtype), np.empty)
+
+    def _made(self, shape: tuple[int, ...], dtype: np.dtype[Any], otherwise: Callable[..., Any]) -> NDArray[Any]:
+        """An array in a file, cleared where `otherwise` is `np.zeros`; by `otherwise` where it is in none."""
+        size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
+        content = self._file(size, otherwise is np.zeros) if size >= _SMALLEST else None
+        made: NDArray[Any] = otherwise(shape, dtype) if content is None else content.view(dtype).reshape(shape)
+        return made
 
     def keep(self, values: NDArray[Kind]) -> NDArray[Kind]:
         """The same values, to be read from a file as they are asked for; the same array where it is one already."""
         if self._folder is None or values.nbytes < _SMALLEST or isinstance(_memory_of(values), mmap.mmap):
             return values
         values = np.ascontiguousarray(values)
-        content = self._file(values.nbytes)
-        if content is None:
+        kept = self._file(values.nbytes, clear=False)
+        if kept is None:
             return values
-        kept = np.frombuffer(content, np.uint8)  # four times as fast as `write`
-        for begin in range(0, values.nbytes, _AT_ONCE):
+        content = _memory_of(kept)
+        assert isinstance(content, mmap.mmap)
+        for begin in range(0, values.nbytes, _AT_ONCE):  # four times as fast as `write`
             part = slice(begin, min(begin + _AT_ONCE, values.nbytes))
             kept[part] = values.view(np.uint8).reshape(-1)[part]
             content.madvise(mmap.MADV_DONTNEED, begin, part.stop - begin)
@@ -88,21 +113,54 @@ class Spool:
         for content in self._contents():
             content.madvise(mmap.MADV_DONTNEED)
 
-    def _file(self, size: int) -> mmap.mmap | None:
-        """A file of zeros; None where there can be none.
+    def _file(self, size: int, clear: bool) -> NDArray[np.uint8] | None:
+        """Bytes of a file, zeros if `clear`; None where there can be none.
 
         Memory does as well: what the disk lacks is told when files are written that stay.
         """
         if self._folder is None:
             return None
-        try:
-            with TemporaryFile(dir=self._folder) as file:
-                _reserve(file, size)  # or a full disk would end the process at a write
-                content = mmap.mmap(file.fileno(), size)  # shared: what is changed is not lost by `rest`
-        except OSError:
+        content = self._taken(size)
+        if content is None:
+            content, clear = self._new(self._folder, size), False
+        if content is None:
             return None
-        self._add(content)
-        return content
+        whole = np.frombuffer(content, np.uint8)
+        finalize(whole, _give_back, ref(self), content).atexit = False
+        if clear:
+            for_slices(lambda part: whole[:size][part].fill(0), size, _AT_ONCE)
+        return whole[:size]
+
+    def _taken(self, size: int) -> mmap.mmap | None:
+        """The smallest idle file that is large enough, and not much larger."""
+        with self._lock:
+            fits = [each for each in self._idle if size <= len(each) <= _ROOMY * size]
+            if not fits:
+                return None
+            content = min(fits, key=len)
+            self._idle.remove(content)
+            return content
+
+    def _new(self, folder: Path, size: int) -> mmap.mmap | None:
+        """A new file of zeros; None where it cannot be made, also without the idle ones."""
+        for last in (False, True):
+            try:
+                with TemporaryFile(dir=folder) as file:
+                    _reserve(file, size)  # or a full disk would end the process at a write
+                    content = mmap.mmap(file.fileno(), size)  # shared: what is changed is not lost by `rest`
+            except OSError:
+                if last or not self._idle:
+                    return None
+                self._idle.clear()
+                continue
+            self._add(content)
+            return content
+        return None
+
+    def give_back(self, content: mmap.mmap) -> None:
+        """Keep a file that no array is in any more, unless enough of them wait. Takes no lock: called at any time."""
+        if sum(map(len, tuple(self._idle))) + len(content) <= MOST_IDLE:
+            self._idle.append(content)
 
     def _contents(self) -> list[mmap.mmap]:
         with self._lock:
@@ -115,6 +173,13 @@ class Spool:
             self._watched |= watch
         if watch:
             threading.Thread(target=_watch, args=(ref(self), self._most_read), name="spool", daemon=True).start()
+
+
+def _give_back(to: ref[Spool], content: mmap.mmap) -> None:
+    """Have a spool keep a file for its next array, if there still is one."""
+    spool = to()
+    if spool is not None:
+        spool.give_back(content)
 
 
 def _reserve(file: IO[bytes], size: int) -> None:
