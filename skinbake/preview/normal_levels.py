@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.numerics import safe_div, sqr
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 
 LEVELS = 6  # the last texel stands for 32 x 32: beyond that, most are mixed with those of other charts
 _BAND = 64  # rows; even
@@ -29,55 +30,112 @@ def normal_levels(normal: NDArray[np.floating], strength: float, space: str) -> 
     ----------
     [Toksvig2005]
     """
-    levels = [np.concatenate([normal, np.zeros_like(normal[..., :1])], axis=2)]
+    height, width = normal.shape[:2]
+    levels = [np.zeros((height, width, 4), normal.dtype)]
+    levels[0][..., :3] = normal
     bend = np.array([strength, strength, 1.0] if space == "tangent" else [1.0, 1.0, 1.0], np.float32)
-    if LEVELS == 1 or max(normal.shape[:2]) == 1:
+    if LEVELS == 1 or max(height, width) == 1:
         return levels
-    # The first level some rows at a time: as floats the map would be many times as large
-    last = max(2 * (len(normal) // 2), 1)
-    bands = (normal[row : min(row + _BAND, last)] for row in range(0, last, _BAND))
-    sums = np.concatenate([_halved(_units(band, bend, space)) for band in bands])
+    sums = np.empty((max(height // 2, 1), max(width // 2, 1), 4), np.float32)
+    for row in range(0, len(sums), _BAND):  # as floats the map would be many times as large
+        band = np.ascontiguousarray(normal[2 * row : 2 * (row + _BAND)], np.float32)
+        into = sums[row : row + _BAND]
+        parallel_for(_sum_units, len(into), band, bend, space == "tangent", into)
     while True:
-        bands = (sums[row : row + _BAND] for row in range(0, len(sums), _BAND))
-        levels.append(np.concatenate([_level(band, bend).astype(normal.dtype) for band in bands]))
+        levels.append(np.empty(sums.shape, normal.dtype))
+        for row in range(0, len(sums), _BAND):
+            some = sums[row : row + _BAND]
+            level = np.empty(some.shape)
+            parallel_for(_means, len(some), some, bend, level)
+            levels[-1][row : row + _BAND] = level
         if len(levels) == LEVELS or max(sums.shape[:2]) == 1:
             return levels
-        sums = _halved(sums)
+        fine, sums = sums, np.empty((max(len(sums) // 2, 1), max(sums.shape[1] // 2, 1), 4), np.float32)
+        parallel_for(_halve, len(sums), fine, sums)
 
 
-def _level(sums: NDArray[np.float32], bend: NDArray[np.float32]) -> NDArray[np.floating]:
-    """Mean normals and the sum of both slopes' variances, (h, w, 4), from sums as `_units` begins them."""
-    mean = safe_div(sums[..., :3], sums[..., 3:])
-    kept = np.linalg.norm(mean, axis=2, keepdims=True)
-    varied = np.maximum(2 * safe_div(1 - kept, kept), 0)
-    return np.concatenate([safe_div(mean, bend), np.minimum(varied, 1)], axis=2)
-
-
-def _units(normal: NDArray[np.floating], bend: NDArray[np.float32], space: str) -> NDArray[np.float32]:
-    """Unit normals of a map and, last, whether there is one, (h, w, 4).
+@kernel
+def _sum_units(first, stop, normal, bend, tangent, out):  # type: ignore[no-untyped-def]
+    """Means over 2 x 2 texels of a map's unit normals and, last, of whether there is one.
 
     Parameters
     ----------
-    normal : ndarray of shape (h, w, 3)
-    bend : ndarray of shape (3,)
+    first, stop : int
+        Rows of `out`.
+    normal : ndarray of shape (h, w, 3), float32
+    bend : ndarray of shape (3,), float32
         Factor on its components.
-    space : "tangent" or "object"
+    tangent : bool
+        Whether a normal that points into the skin leaves it smooth.
+    out : ndarray of shape (h // 2, w // 2, 4), or 1 for 0, float32
+        Written.
     """
-    unit = normal.astype(np.float32) * bend
-    if space == "tangent":  # one that points into the skin leaves it smooth
-        unit[~(unit[..., 2] > 0)] = (0, 0, 1)
-    length = np.sqrt(sqr(unit[..., 0]) + sqr(unit[..., 1]) + sqr(unit[..., 2]))
-    out = np.empty((*unit.shape[:2], 4), np.float32)
-    out[..., 3] = length > 0
-    np.multiply(unit, (out[..., 3] / np.where(length > 0, length, np.float32(1)))[..., None], out=out[..., :3])
-    return out
+    units = np.empty((2, normal.shape[1], 4), np.float32)
+    for i in range(first, stop):
+        rows = min(2, len(normal))
+        for r in range(rows):
+            for j in range(normal.shape[1]):
+                x, y, z = normal[2 * i + r, j, 0] * bend[0], normal[2 * i + r, j, 1] * bend[1], normal[2 * i + r, j, 2]
+                z *= bend[2]
+                if tangent and not z > 0:
+                    x, y, z = np.float32(0), np.float32(0), np.float32(1)
+                dx, dy, dz = np.float64(x), np.float64(y), np.float64(z)
+                length = np.sqrt(dx * dx + dy * dy + dz * dz)
+                there = length > 0
+                inverse = 1 / length if there else 0.0
+                units[r, j, 0], units[r, j, 1], units[r, j, 2] = dx * inverse, dy * inverse, dz * inverse
+                units[r, j, 3] = np.float32(1) if there else np.float32(0)
+        _halve_row(units[:rows], out[i])
 
 
-def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means of 2 x 2 texels, or of two where there is one row or one column."""
-    for axis in (0, 1):
-        n = image.shape[axis] // 2
-        if n:
-            first, second = (image[i : 2 * n : 2] if axis == 0 else image[:, i : 2 * n : 2] for i in (0, 1))
-            image = np.float32(0.5) * (first + second)
-    return image
+@kernel(inner=True)
+def _halve_row(rows, out):  # type: ignore[no-untyped-def]
+    """Means of 2 x 2 texels, or of two where there is one row or one column.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (1 or 2, w, 4), float32
+    out : ndarray of shape (w // 2, or 1, 4), float32
+        Written.
+    """
+    half = np.float32(0.5)
+    below = len(rows) - 1
+    for j in range(len(out)):
+        left = 2 * j
+        right = min(left + 1, rows.shape[1] - 1)
+        for c in range(4):
+            a, b = half * (rows[0, left, c] + rows[below, left, c]), half * (rows[0, right, c] + rows[below, right, c])
+            out[j, c] = half * (a + b)
+
+
+@kernel
+def _halve(first, stop, fine, out):  # type: ignore[no-untyped-def]
+    """`_halve_row` of an image (h, w, 4), rows `first` to `stop` of `out`."""
+    for i in range(first, stop):
+        _halve_row(fine[2 * i : min(2 * i + 2, len(fine))], out[i])
+
+
+@kernel
+def _means(first, stop, sums, bend, out):  # type: ignore[no-untyped-def]
+    """Mean normals without the strength, and the sum of both slopes' variances.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    sums : ndarray of shape (h, w, 4), float32
+        As `_sum_units` begins them.
+    bend : ndarray of shape (3,), float32
+    out : ndarray of shape (h, w, 4)
+        Written.
+    """
+    mean = np.zeros(3)
+    for i in range(first, stop):
+        for j in range(sums.shape[1]):
+            share = np.float64(sums[i, j, 3])
+            for c in range(3):
+                mean[c] = np.float64(sums[i, j, c]) / share if share != 0 else 0.0
+                out[i, j, c] = mean[c] / np.float64(bend[c]) if bend[c] != 0 else 0.0
+            kept = np.sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2])
+            varied = 2 * ((1 - kept) / kept) if kept != 0 else 0.0
+            out[i, j, 3] = min(max(varied, 0.0), 1.0)
