@@ -85,8 +85,8 @@ def as_stored_with_sum(
     if precision == "half" and images.dtype == np.float32 and images.flags.c_contiguous:
         half, total = empty(images.shape, np.float16), empty(images.shape[1:], np.float16)
         as_half_with_sum(images, half, total)
-        if all(channels_half_holds(*each).all() for each in zip(images, half, strict=True)):
-            # A channel of the sum is 0 only where it is 0 in all of them
-            if channels_half_holds(images[0], total).all():
-                return half, total
+        # A channel of the sum is 0 only where it is 0 in all of them
+        whole = (*zip(images, half, strict=True), (images[0], total))
+        if all(channels_half_holds(*each).all() for each in whole):
+            return half, total
     return as_stored(images, precision), as_stored(images.sum(axis=0, dtype=np.float32), precision)

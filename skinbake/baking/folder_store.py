@@ -23,7 +23,7 @@ from skinbake.io.atomic import write_bytes, write_text
 from skinbake.io.background import Background
 from skinbake.io.cache import Cache
 from skinbake.io.digests import sha256_of
-from skinbake.io.exr import files_of, part_file
+from skinbake.io.exr import files_of, part_file, require_codec
 from skinbake.io.fingerprint import every_input
 from skinbake.io.irradiance import LIGHT, TOTAL, part_keys, read_irradiance, tile_path, write_irradiance
 from skinbake.io.lobes import lobe_name, read_summary, read_totals, write_lobes
@@ -91,9 +91,10 @@ class FolderStore:
         ------
         InputError
             The folder cannot be written to, or a file of the look has the name of one that will be written, or
-            somebody else's file has.
+            somebody else's file has; or this OpenEXR cannot pack as the look asks.
         """
         spec = self._inputs.spec
+        require_codec(spec.output.compression)
         own = {path.name for path in self.irradiance_paths().values()}
         read = [path for path in given if path.name not in own]
         refuse_inputs_as_outputs(spec, self.folder, [*every_input(spec), *read])

@@ -63,9 +63,9 @@ def write_parts(
     attributes : mapping, optional
         For every part's header.
     precision : "half" or "float"
-    compression : "none", "rle", "zips", "zip", "piz" or "auto"
+    compression : "none", "rle", "zips", "zip", "piz", "htj2k" or "auto"
         "auto" is "piz" for halves, in 0.6 of the time of "zip" and smaller by 4 %, and "zip" for floats, in 0.5 of that
-        of "piz".
+        of "piz". "htj2k" takes 0.4 to 0.5 of the time of either, and 0.65 to 0.75 of the room.
 
     Raises
     ------
@@ -76,14 +76,7 @@ def write_parts(
     """
     import OpenEXR
 
-    codec = {
-        "auto": OpenEXR.PIZ_COMPRESSION if precision == "half" else OpenEXR.ZIP_COMPRESSION,
-        "none": OpenEXR.NO_COMPRESSION,
-        "rle": OpenEXR.RLE_COMPRESSION,
-        "zips": OpenEXR.ZIPS_COMPRESSION,
-        "zip": OpenEXR.ZIP_COMPRESSION,
-        "piz": OpenEXR.PIZ_COMPRESSION,
-    }[compression]
+    codec = _codec(compression, precision)
     made = []
     for part in parts:
         header = {"chromaticities": REC709, "oiio:ColorSpace": "lin_rec709", **(attributes or {}), **part.attributes}
@@ -97,6 +90,40 @@ def write_parts(
             OpenEXR.File(made).write(str(temporary))
         except RuntimeError as error:
             raise system_error(temporary, str(error)) from error
+
+
+def require_codec(compression: str) -> None:
+    """Stop before anything is baked that could not be packed in the end.
+
+    Raises
+    ------
+    InputError
+        This machine's OpenEXR is too old.
+    """
+    if compression == "htj2k":  # the others are in every one of them
+        _codec(compression, "half")
+
+
+def _codec(compression: str, precision: str) -> Any:
+    """OpenEXR's own name of it.
+
+    Raises
+    ------
+    InputError
+        This machine's OpenEXR is too old.
+    """
+    import OpenEXR
+
+    if compression == "auto":
+        compression = "piz" if precision == "half" else "zip"
+    name = {"none": "NO", "htj2k": "HTJ2K256"}.get(compression, compression.upper())
+    codec = getattr(OpenEXR, f"{name}_COMPRESSION", None)
+    if codec is None:
+        raise InputError(
+            f"output.compression: expected one that OpenEXR {OpenEXR.__version__} has, got {compression}; "
+            "pip install -U OpenEXR OpenImageIO, or choose piz"
+        )
+    return codec
 
 
 def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], precision: str) -> dict[str, NDArray[Any]]:

@@ -59,7 +59,7 @@ def as_half_with_sum(images: NDArray[np.float32], half: NDArray[np.float16], tot
 
 def largest_bits(half: NDArray[np.float16]) -> NDArray[np.uint16]:
     """Bits of each channel's largest magnitude, (C,), of halves (H, W, C); a NaN is larger than all."""
-    rows = half.view(np.uint16).reshape(len(half), -1)
+    rows = half.view(np.uint16).reshape(len(half), half.shape[1] * half.shape[2])
     most = np.zeros((-(-len(rows) // _ROWS), rows.shape[1]), np.uint16)
     for_slices(lambda part: _largest(rows[part], most[part.start // _ROWS]), len(rows), _ROWS)
     bits: NDArray[np.uint16] = most.reshape(-1, half.shape[2]).max(axis=0, initial=0)

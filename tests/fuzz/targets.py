@@ -635,7 +635,7 @@ def exr_seeds() -> Seeds:
     )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "seed.exr"
-        for compression in ("none", "rle", "zips", "zip", "piz"):
+        for compression in ("none", "rle", "zips", "zip", "piz", "htj2k"):
             for precision in ("half", "float"):
                 write_irradiance(
                     path, lights, {"key": "a", "rim": "b"}, {"skinbake:version": "0"}, precision, compression

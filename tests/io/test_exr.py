@@ -5,8 +5,17 @@ import OpenEXR
 import pytest
 
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, files_of, read_attributes, read_parts, rgb_channels, write_part_files, write_parts
-from skinbake.stored_precision import as_stored
+from skinbake.io.exr import (
+    Part,
+    files_of,
+    read_attributes,
+    read_parts,
+    require_codec,
+    rgb_channels,
+    write_part_files,
+    write_parts,
+)
+from skinbake.stored_precision import as_stored, as_stored_with_sum
 
 RNG = np.random.default_rng(7)
 IMAGE = RNG.random((37, 53, 3), dtype=np.float32)
@@ -30,7 +39,7 @@ def test_float_parts_come_back_as_they_were(tmp_path):
     assert read_attributes(tmp_path / "a.exr")["irradiance"]["size"] == [53, 37]
 
 
-@pytest.mark.parametrize("compression", ["auto", "none", "rle", "zips", "zip", "piz"])
+@pytest.mark.parametrize("compression", ["auto", "none", "rle", "zips", "zip", "piz", "htj2k"])
 def test_half_parts_are_what_as_stored_says(tmp_path, compression):
     """`as_stored` is the file without the file, so that a resumed bake cannot differ from an undisturbed one."""
     write_parts(tmp_path / "a.exr", [part()], compression=compression)
@@ -38,6 +47,25 @@ def test_half_parts_are_what_as_stored_says(tmp_path, compression):
     assert read.channels["R"].dtype == np.float16
     np.testing.assert_array_equal(read.rgb, as_stored(IMAGE, "half"))
     assert np.abs(read.rgb / IMAGE - 1).max() < 2**-11 * 1.01
+
+
+@pytest.mark.parametrize("compression", ["zip", "htj2k"])
+def test_floats_keep_every_digit(tmp_path, compression):
+    """Whatever their exponent: of mixed signs and sizes, a channel in a part of its own among them."""
+    image = (IMAGE - np.float32(0.5)) * np.float32([1e-30, 1, 1e30])
+    write_parts(tmp_path / "a.exr", [part(image), Part("one", {"Y": image[..., 0]})], None, "float", compression)
+    read = read_parts(tmp_path / "a.exr")
+    np.testing.assert_array_equal(read["irradiance"].rgb, image)
+    np.testing.assert_array_equal(read["one"].channels["Y"], image[..., 0])
+
+
+def test_a_codec_that_this_openexr_lacks_is_refused_before_the_bake(monkeypatch):
+    """By name, with what to do; the usual ones are not asked for."""
+    require_codec("htj2k")
+    monkeypatch.delattr(OpenEXR, "HTJ2K256_COMPRESSION")
+    with pytest.raises(InputError, match=r"output\.compression: .*htj2k.*pip install"):
+        require_codec("htj2k")
+    require_codec("piz")
 
 
 @pytest.mark.parametrize("top", [70000.0, 1e30, 1e-8, 0.01])
@@ -61,6 +89,17 @@ def test_a_channel_that_half_cannot_hold_leaves_the_others_as_they_are(tmp_path)
     np.testing.assert_array_equal(layers[0], as_stored(IMAGE, "half"))
 
 
+@pytest.mark.parametrize("scale", [1, 1e-3, 1e-9, [1, 0, 1], [1e6, 1, 1]])
+@pytest.mark.parametrize("precision", ["half", "float"])
+def test_lights_and_their_sum_are_what_each_would_be_by_itself(scale, precision):
+    """In the same precision, to the last bit: also dark, faint and too bright channels."""
+    lights = (RNG.random((3, 41, 29, 3)) * scale).astype(np.float32)
+    each, total = as_stored_with_sum(lights, precision)
+    for found, want in ((each, lights), (total, lights.sum(axis=0, dtype=np.float32))):
+        assert found.dtype == as_stored(want, precision).dtype
+        np.testing.assert_array_equal(found, as_stored(want, precision))
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_nothing_that_is_not_finite_is_written(tmp_path, value):
     """The message names the texel, and the file that stood there still stands."""
@@ -75,7 +114,7 @@ def test_nothing_that_is_not_finite_is_written(tmp_path, value):
     assert [p.name for p in tmp_path.iterdir()] == ["a.exr"]
 
 
-@pytest.mark.parametrize("compression", ["zip", "piz"])
+@pytest.mark.parametrize("compression", ["zip", "piz", "htj2k"])
 def test_bytes_are_reproducible(tmp_path, monkeypatch, compression):
     """The same image gives the same file, with no date in it, on any number of threads."""
     digests = set()

@@ -13,12 +13,13 @@ OTHER = FIRST | {"skinbake:variance_mm2": 4.0, "skinbake:weight_rgb": [1.0, 0.0,
 
 @pytest.mark.parametrize("precision", ["half", "float"])
 @pytest.mark.parametrize("names", [["irradiance"], ["irradiance", "light.key", "light.rim"]])
-def test_a_copy_has_the_bytes_of_what_the_library_writes(tmp_path, names, precision):
+@pytest.mark.parametrize("compression", ["auto", "htj2k"])
+def test_a_copy_has_the_bytes_of_what_the_library_writes(tmp_path, names, precision, compression):
     random = np.random.default_rng(1)
     parts = [Part(name, rgb_channels(random.random((70, 33, 3)).astype(np.float32))) for name in names]
     source, wanted, path = (tmp_path / name for name in ("a.exr", "b.exr", "c.exr"))
-    write_parts(source, parts, COMMON | FIRST, precision)
-    write_parts(wanted, parts, COMMON | OTHER, precision)
+    write_parts(source, parts, COMMON | FIRST, precision, compression)
+    write_parts(wanted, parts, COMMON | OTHER, precision, compression)
     assert copy_parts(source, path, OTHER)
     assert path.read_bytes() == wanted.read_bytes()
 

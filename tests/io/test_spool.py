@@ -101,3 +101,46 @@ def test_without_a_folder_the_arrays_themselves_are_kept(tmp_path):
     assert Spool(tmp_path / "none").keep(LARGE) is LARGE
     small = LARGE[:1]
     assert Spool(tmp_path).keep(small) is small
+
+
+def test_the_file_of_an_array_that_is_gone_serves_the_next_one(tmp_path):
+    """Cleared, also for one that is a little smaller; not while a view of it is left, and not for a far smaller one."""
+    spool = Spool(tmp_path)
+    made = spool.zeros((1024, 2048), np.float32)
+    made[:] = 7
+    address, view = made.ctypes.data, made[5:7, ::3].view(np.int32)
+    del made
+    other = spool.zeros((1024, 2048), np.float32)
+    assert other.ctypes.data != address
+    assert (view.view(np.float32) == 7).all()
+    del view
+    small = spool.zeros((512, 1024), np.float32)
+    again = spool.zeros((1023, 2047), np.float32)
+    assert small.ctypes.data != address
+    assert again.ctypes.data == address
+    assert not again.any()
+    del again
+    kept = spool.keep(LARGE.repeat(2, axis=0))
+    assert kept.ctypes.data == address
+    np.testing.assert_array_equal(kept, LARGE.repeat(2, axis=0))
+    assert spool.empty((3, 4)).shape == (3, 4)
+
+
+def test_idle_files_are_few_and_go_where_the_disk_is_full(tmp_path, monkeypatch):
+    """Of no more bytes than was said; a file that finds no room beside them takes theirs."""
+    monkeypatch.setattr("skinbake.io.spool.MOST_IDLE", 5 << 20)
+    spool = Spool(tmp_path)
+    arrays = [spool.zeros((n, 1 << 20), np.uint8) for n in (3, 3, 2)]
+    del arrays
+    assert sorted(len(content) >> 20 for content in spool._idle) == [2, 3]
+    reserve, asked = os.posix_fallocate, []
+
+    def full_once(*arguments):
+        asked.append(len(spool._idle))
+        if asked[-1]:
+            raise OSError(28, "No space left on device")
+        reserve(*arguments)
+
+    monkeypatch.setattr(os, "posix_fallocate", full_once)
+    assert spool.zeros((20, 1 << 20), np.uint8).shape == (20, 1 << 20)
+    assert asked == [2, 0]
