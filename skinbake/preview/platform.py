@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes.util
+import importlib
 import os
 import sys
+from types import ModuleType
 from typing import Any
 
 from skinbake.errors import MachineError
@@ -80,6 +82,19 @@ def headless_context() -> Any:
     raise MachineError(f"no OpenGL context through {chosen} ({'; '.join(faults) or 'no device'}): {_ADVICE}")
 
 
+def import_pyrender() -> None:
+    """Import pyrender without its window, which brings pyglet, Tk and imageio: .4 s of a processor, for nothing."""
+    if "pyrender" in sys.modules:
+        return
+    unused: Any = ModuleType("pyrender.viewer")
+    unused.Viewer = None
+    sys.modules[unused.__name__] = unused
+    try:
+        importlib.import_module("pyrender")
+    finally:
+        del sys.modules[unused.__name__]
+
+
 def release_context(platform: Any) -> None:
     """Free a platform's context, which must be current.
 
@@ -97,6 +112,7 @@ def release_context(platform: Any) -> None:
 
 
 def _candidates(chosen: str) -> list[Any]:
+    import_pyrender()
     if chosen == "egl":
         from pyrender.platforms import egl
 

@@ -1,6 +1,7 @@
 """Without a display EGL is chosen, then OSMesa, and where neither is installed the message says what to install."""
 
 import ctypes.util
+import subprocess
 import sys
 
 import pytest
@@ -36,3 +37,18 @@ def test_nothing_installed_says_what_to_install(monkeypatch):
 def test_a_users_own_choice_stays(monkeypatch):
     monkeypatch.setenv("PYOPENGL_PLATFORM", "osmesa")
     assert choose_headless() == "osmesa"
+
+
+@linux
+def test_pictures_need_no_library_of_windows():
+    """pyglet and Tk are not imported for them, and can be afterwards, as can pyrender's own window."""
+    code = """
+import sys
+from skinbake.preview.draw import OffscreenRenderer
+from skinbake.preview.platform import import_pyrender
+import_pyrender()
+import skinbake.preview.renderer
+print(sorted({"pyglet", "tkinter", "imageio", "pyrender.viewer"} & set(sys.modules)), "pyrender" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[] True"
