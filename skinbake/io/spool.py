@@ -20,7 +20,6 @@ from weakref import WeakSet, finalize, ref
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from skinbake.kernels.threads import for_slices
 from skinbake.machine import MappedMemory
 
 Kind = TypeVar("Kind", bound=np.generic)
@@ -29,7 +28,7 @@ MOST_READ = 512 << 20  # bytes of files that are in memory at a time, about
 MOST_IDLE = 512 << 20  # bytes of files that no array is in any more, and that serve the next ones
 _ROOMY = 1.5  # times what an array takes: a larger file is not given to it
 _AT_ONCE = 1 << 26  # bytes that are copied at a time; whole pages
-_FILLED = 1 << 24  # bytes, meanwhile other threads wait
+_MAPPED = 1 << 24  # bytes, meanwhile other threads wait
 _POPULATE_WRITE = 23  # of Linux's madvise
 _LOOK_S, _FAR_S = 0.01, 0.04  # between looks at how much there is, near the limit and below half of it
 
@@ -125,14 +124,16 @@ class Spool:
         if self._folder is None:
             return None
         content = self._taken(size)
+        new = content is None
         if content is None:
-            content, clear = self._new(self._folder, size), False
+            content = self._new(self._folder, size)
         if content is None:
             return None
+        _map(content, size > self._most_read // 2)
         whole = np.frombuffer(content, np.uint8)
         finalize(whole, _give_back, ref(self), content).atexit = False
-        if clear:
-            for_slices(lambda part: whole[:size][part].fill(0), size, _AT_ONCE)
+        if clear and not new:
+            whole[:size].fill(0)
         return whole[:size]
 
     def _taken(self, size: int) -> mmap.mmap | None:
@@ -157,13 +158,13 @@ class Spool:
                     return None
                 self._idle.clear()
                 continue
-            _fill(content, size > self._most_read // 2)
             self._add(content)
             return content
         return None
 
     def give_back(self, content: mmap.mmap) -> None:
         """Keep a file that no array is in any more, unless enough of them wait. Takes no lock: called at any time."""
+        content.madvise(mmap.MADV_DONTNEED)
         if sum(map(len, tuple(self._idle))) + len(content) <= MOST_IDLE:
             self._idle.append(content)
 
@@ -203,20 +204,20 @@ def _reserve(file: IO[bytes], size: int) -> None:
     file.flush()
 
 
-def _fill(content: mmap.mmap, large: bool) -> None:
-    """Have the system make all pages of a new file at once: two threads that find them missing take thrice the time.
+def _map(content: mmap.mmap, large: bool) -> None:
+    """Have the system make and map all pages of a file at once: two threads that find them missing take thrice the time.
 
     Parameters
     ----------
     content : mmap
     large : bool
-        Whether it is too much to stay in memory.
+        Whether it is too much to stay in memory until it is used: its pages are made all the same.
     """
     if sys.platform != "linux":
         return
     with suppress(OSError):  # before Linux 5.14
-        for begin in range(0, len(content), _FILLED):
-            count = min(_FILLED, len(content) - begin)
+        for begin in range(0, len(content), _MAPPED):
+            count = min(_MAPPED, len(content) - begin)
             content.madvise(_POPULATE_WRITE, begin, count)
             if large:
                 content.madvise(mmap.MADV_DONTNEED, begin, count)
