@@ -205,7 +205,7 @@ def _reserve(file: IO[bytes], size: int) -> None:
 
 
 def _map(content: mmap.mmap, large: bool) -> None:
-    """Have the system make and map all pages of a file at once: two threads that find them missing take thrice the time.
+    """Have the system make and map all pages of a file at once: two threads that miss them take thrice the time.
 
     Parameters
     ----------
