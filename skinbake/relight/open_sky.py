@@ -38,20 +38,24 @@ class OpenSky:
         The small one.
     towards : ndarray of shape (D, 3), float32
         Unit directions, each for an equal part of the sphere.
-    normal : dict of int to ndarray of shape (n, 3), float32
-        By tile: the smooth normals of the rows of `share`.
+    origin, normal : dicts of int to ndarray of shape (n, 3), float32
+        By tile: where the rays of the rows of `share` start, about the occluder's centre, and the smooth normals there.
     row : dict of int to ndarray of shape (h, w), int32
         By tile: the row of `share` that a texel has; -1 where the atlas is empty.
     share : dict of int to ndarray of shape (n, D), uint8
         By tile: what arrives of light from a direction, in parts of `WHOLE`. Below the horizon of the smooth surface,
         where a mapped normal may still face, it is the texel's mean.
+    shadows : bool
+        Whether rays were traced; else all is open.
     """
 
     atlas: Atlas
     towards: Image
+    origin: dict[int, Image]
     normal: dict[int, Image]
     row: dict[int, NDArray[np.int32]]
     share: dict[int, NDArray[np.uint8]]
+    shadows: bool
 
 
 def small_size(scene: SceneData, size: tuple[int, int]) -> tuple[int, int]:
@@ -84,17 +88,17 @@ def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], direction
     texture = spec.texture
     atlas = coarser_atlas(scene.mesh, texture.size, texture.gutter, texture.udim, size)
     towards = all_around(directions).astype(np.float32)
-    rows, normals, shares = {}, {}, {}
+    rows, origins, normals, shares = {}, {}, {}, {}
     for raster in atlas:
         surface = texel_surface(raster, scene.mesh, scene.maps, spec.specular, scene.occluder)
         texels = np.flatnonzero(raster.addressed)
         row = np.full(raster.shape, -1, np.int32)
         row.reshape(-1)[texels] = np.arange(len(texels), dtype=np.int32)
-        normal = surface.smooth_normal.reshape(-1, 3)[texels]
+        origin, normal = surface.origins(texels), surface.smooth_normal.reshape(-1, 3)[texels]
         occluder = scene.occluder if spec.shadows else None
-        rows[raster.tile], normals[raster.tile] = row, normal
-        shares[raster.tile] = _traced(surface.origins(texels), normal, towards, occluder)
-    return OpenSky(atlas, towards, normals, rows, shares)
+        rows[raster.tile], origins[raster.tile], normals[raster.tile] = row, origin, normal
+        shares[raster.tile] = _traced(origin, normal, towards, occluder)
+    return OpenSky(atlas, towards, origins, normals, rows, shares, spec.shadows)
 
 
 def _traced(origin: Image, normal: Image, towards: Image, occluder: Occluder | None) -> NDArray[np.uint8]:

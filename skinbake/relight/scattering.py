@@ -24,8 +24,8 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import curve_skin
-from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
-from skinbake.diffuse.terms.skin_view import SkinView, look_around
+from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
+from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.terms.transmission import transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
@@ -58,6 +58,8 @@ class Scattering:
     medium : SkinMedium
     slant : Slant, optional
         Where incidence is counted.
+    look_around : callable
+        Gives what the skin sees of itself; asked only where skin lights skin by enough.
     say : callable
         Told in words what begins.
 
@@ -66,7 +68,7 @@ class Scattering:
     lines : list of Decision
         What was decided.
     view : SkinView, optional
-        What the skin sees of itself, once light has come and where skin lights skin by enough.
+        What that gave, once light has come.
     """
 
     def __init__(
@@ -78,10 +80,11 @@ class Scattering:
         gaussians: GaussianSum,
         medium: SkinMedium,
         slant: Slant | None,
+        look_around: Callable[[], SkinView],
         say: Say = lambda _: None,
     ) -> None:
         self._spec, self._scene, self._atlas, self._gaussians, self._medium = spec, scene, atlas, gaussians, medium
-        self._budget, self._say = decisions.budget, say
+        self._budget, self._look_around, self._say = decisions.budget, look_around, say
         self._again = entering_again(spec, decisions, slant)
         self._albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
         self._geometry = SkinGeometry(atlas, scene.mesh)
@@ -139,19 +142,12 @@ class Scattering:
         )  # fmt: skip
         if any(line.enabled for line in lines):
             self._say("relighting: skin that lights skin")
-            receiving, texture = receivers(bounced, limits, self._atlas), spec.texture
             self._enough = terms.bounces_for(limits[0], bounced[0].rms)
-            lines = [replace(line, error=receiving.error(each)) for line, each in zip(lines, bounced, strict=True)]
-            self.view = look_around(
-                scene.mesh,
-                scene.occluder,
-                texture.size,
-                texture.gutter,
-                texture.udim,
-                receiving.width_mm,
-                receiving.rays,
-                receiving.with_neighbours,
-            )
+            self.view = self._look_around()
+            taken = Receivers(
+                1.0, rays=float(self.view.rays.max(initial=1))
+            )  # the sky's texels are as wide as the usual ones
+            lines = [replace(line, error=taken.error(each)) for line, each in zip(lines, bounced, strict=True)]
         self.lines += lines
 
     def _terms_left(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ from skinbake.relight.judge_basis import DirectBake, judge_basis
 from skinbake.relight.light_error import KindError
 from skinbake.relight.open_sky import OpenSky, open_sky, small_size, visibility_harmonics
 from skinbake.relight.scattering import Scattering
+from skinbake.relight.seen_skin import seen_skin
 from skinbake.relight.unseen_lights import choosing_skies, unseen_lights
 from skinbake.scene.budget import budget_of
 from skinbake.scene.decision import Decision, Decisions
@@ -134,14 +136,15 @@ def make_transfer(
     udim, texture = spec.texture.udim, full.texture
     atlas = rasterize(scene.mesh, texture.size, texture.gutter, udim)
     _check_memory(full, basis.textures + LIT_AT_ONCE, len(atlas), len(gaussians.variance_mm2))
-    scattering = Scattering(full, decisions, scene, atlas, gaussians, medium, slant, say)
+    look_around = cache(lambda: seen_skin(sky, scene, texture.size, udim))
+    scattering = Scattering(full, decisions, scene, atlas, gaussians, medium, slant, look_around, say)
     textures = _scattered(scattering, atlas, scene, sky, passage, basis, say)
     lines += scattering.lines
 
     # The same at the size at which lights are also baked
     judged = _judged(small, slant is not None, lines)
     close = Decisions(decisions.energy_conservation, True, (), budget_of(judged))
-    again = Scattering(judged, close, scene, sky.atlas, gaussians, medium, slant)
+    again = Scattering(judged, close, scene, sky.atlas, gaussians, medium, slant, look_around)
     compared = _scattered(again, sky.atlas, scene, sky, passage, basis, lambda _: None)
     bake = DirectBake(judged, close, scene, sky.atlas, gaussians, medium, incidence if slant else None, again.view)
     error = judge_basis(bake, basis, compared, unseen_lights(spec.output.seed), say)

@@ -34,15 +34,18 @@ def test_what_does_not_fit_is_refused(baked, monkeypatch):
 
 
 def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
-    """Skin looks around once an atlas for any number of lights, through thin parts, too; bounces leave these a part."""
+    """Skin looks around once for any number of lights, through thin parts, too; bounces leave these a part."""
     calls = []
     once = scattering.ThinParts.of
     monkeypatch.setattr(scattering.ThinParts, "of", lambda *args: calls.append(args) or once(*args))
+    looks, look = [], transfer.seen_skin
+    monkeypatch.setattr(transfer, "seen_skin", lambda *args: looks.append(args) or look(*args))
     monkeypatch.setattr(light_entering, "look_around", lambda *_: pytest.fail("each bake that judges looks around"))
     made = baked("terms.transmission=auto", "terms.interreflection=auto", "diffusion.method=auto", "relight.textures=9")
     assert len(made.plan) > 3
     why = {line.term: line.why for line in made.plan}
     left = [float(re.search(pattern, why[f"relight.{term}"])[1]) for term, pattern in LEFT]
-    assert 0 < left[0] < left[1] * 1.0001 < 1.0
+    assert 0 < left[0] < left[1] * 1.0001 < left[0] * 2**0.5  # bounces had half of the square, and leave some of it
     assert "relight.interreflection" in {line.term for line in made.plan if line.enabled}
+    assert len(looks) == 1
     assert len(calls) == 1 + ("relight.transmission" in {line.term for line in made.plan if line.enabled})

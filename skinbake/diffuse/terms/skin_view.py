@@ -189,7 +189,7 @@ def look_around(
             in_first_half[some] = hit[:, : each // 2].sum(axis=1)
             place = seen_tile[hit].astype(np.int64) * (size[0] * size[1])
             parts.append((some, place + seen[hit]))
-    return _numbered(atlas, tile, flat, count, met_skin, in_first_half, parts, weight, size)
+    return numbered(atlas, tile, flat, count, met_skin, in_first_half, parts, weight, size)
 
 
 def _width_mm(atlas: Atlas) -> float:
@@ -198,7 +198,7 @@ def _width_mm(atlas: Atlas) -> float:
     return float(np.sqrt(np.median(area))) if len(area) else 0.0
 
 
-def _numbered(
+def numbered(
     atlas: Atlas,
     tile: NDArray[np.int32],
     flat: Index,
