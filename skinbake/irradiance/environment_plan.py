@@ -13,15 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.environment_map import SkySamples, cosine_irradiance, irradiance_table, look_up
-from skinbake.irradiance.environment_share import open_shares, open_sums, shares_of
 from skinbake.irradiance.harmonics import harmonic_matrix, light_by_harmonics
-from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.surface import scattered_origins
+from skinbake.irradiance.sky_points import POINTS_EACH, SkyPoints, all_around
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, norm_of_all
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight
-from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 HARMONICS_SHARE = 0.25
@@ -29,8 +26,6 @@ VARIATION = 10.0  # tolerances by which the visible share may differ between tex
 INTERPOLATED = 0.35  # tolerances, rms, that this costs; rays that count as settled cost 0.05, whose square is nothing
 WIDEST_VARIATION = 0.2
 MOST, FEWEST = 4096, 16  # directions
-POINTS = 16384  # of the skin: a dark place that fills one in this many of them costs 0.8 % rms
-POINTS_EACH = 32  # of them, one in so many measures the noise of the directions
 NORMALS = 512  # all around, at which the harmonics are compared
 
 
@@ -70,9 +65,7 @@ class EnvironmentPlan:
 def plan_environment(
     light: EnvironmentLight,
     radiance: Image | None,
-    mesh: SkinMesh,
-    occluder: Occluder,
-    size: tuple[int, int],
+    points: SkyPoints,
     shadows: bool,
     tolerance: float,
     seed: int,
@@ -84,10 +77,8 @@ def plan_environment(
     light : EnvironmentLight
     radiance : ndarray of shape (h, w, 3), optional
         Map of a light with a path.
-    mesh : SkinMesh
-    occluder : Occluder
-    size : (width, height)
-        Size of the texture.
+    points : SkyPoints
+        The same for all skies.
     shadows : bool
         For a light that does not say. One that asks for shadows, or for `samples`, gets them.
     tolerance : float
@@ -112,12 +103,10 @@ def plan_environment(
         if light.samples is not None:
             samples, why = light.samples, f"{light.samples} directions, asked for"
         else:
-            origin, normal = scattered_origins(mesh, occluder, size, POINTS)
-            base = _unshadowed(matrix, table, normal[None], np.ones((1, len(normal)), np.bool_))[0]
+            addressed = np.ones((1, len(points.normal)), np.bool_)
+            base = _unshadowed(matrix, table, points.normal[None], addressed)[0]
             limit = float(np.sqrt(tolerance**2 * (1 - INTERPOLATED**2) - line.error**2))
-            samples, why, noise = _fewest_samples(
-                sky, offset, occluder, origin, normal, base, limit, bool(light.shadows)
-            )
+            samples, why, noise = _fewest_samples(sky, offset, points, base, limit, bool(light.shadows))
             if samples:
                 noise = float(np.hypot(noise, INTERPOLATED * min(tolerance, WIDEST_VARIATION / VARIATION)))
         how = f"{samples} directions" if samples else "no shadows"
@@ -148,9 +137,7 @@ def _choose_unshadowed(light: EnvironmentLight, radiance: Image, tolerance: floa
 def _fewest_samples(
     sky: SkySamples,
     offset: float,
-    occluder: Occluder,
-    origin: Image,
-    normal: Image,
+    points: SkyPoints,
     base: Image,
     limit: float,
     must: bool,
@@ -159,30 +146,21 @@ def _fewest_samples(
     and the error that is left.
 
     The noise of n directions is found from their distance to 4 n others, whose own noise is taken as 1 / sqrt(8) of it:
-    between that of random directions, a half, and that of a low-discrepancy sequence, a quarter.
+    between that of random directions, a half, and that of a low-discrepancy sequence, a quarter. Both ask the same few
+    points, whose shadows are traced once for all skies.
     """
-    share = open_shares(origin, normal, *sky.draw(FEWEST, offset), occluder)[:, :3]
+    share = points.shares(*sky.draw(FEWEST, offset))[:, :3]
     without = _relative(base, base * share)
     shadows = f"shadows take {without:.2%} rms off"
     if without <= limit and not must:
         return 0, f"{shadows}, no more than {limit:.2%}", without
-    origin, normal, base = (np.ascontiguousarray(values[::POINTS_EACH]) for values in (origin, normal, base))
-
-    def more(shift: float, before: int, count: int) -> Float:
-        """Sums over the directions `before` ... `count` of a longer sequence, each weighted as one of its first
-        `count`.
-        """
-        directions, weights = sky.draw(count, shift)
-        return open_sums(origin, normal, directions[before:], count * weights[before:], occluder)
-
-    before, traced, samples = "", 0, FEWEST
-    found = reference = np.zeros((len(origin), 2, 4))
+    few, before, samples = base[::POINTS_EACH], "", FEWEST
     while True:
-        # A longer sequence begins as the shorter one: only the rest is traced
-        found = found + more(offset, traced, samples)
-        reference = reference + more((offset + 0.5) % 1, 4 * traced, 4 * samples)
-        difference = _relative(base * shares_of(found)[:, :3], base * shares_of(reference)[:, :3])
-        error, traced = difference / np.sqrt(1 + 1 / 8), samples
+        found, reference = (
+            few * points.few_shares(*sky.draw(count, shift))[:, :3]
+            for count, shift in ((samples, offset), (4 * samples, (offset + 0.5) % 1))
+        )
+        error = _relative(found, reference) / np.sqrt(1 + 1 / 8)
         if error <= limit or samples == MOST:
             verdict = "within" if error <= limit else "the most there are, above"
             why = f"{shadows}; {samples} directions are off by {error:.2%}{before}, {verdict} {limit:.2%}"
@@ -208,10 +186,3 @@ def _relative(found: Image | Float, exact: Image | Float) -> float:
         return 0.0
     whole = norm_of_all(exact)
     return float(difference / whole) if whole > 0 else float("inf")
-
-
-def all_around(count: int) -> Float:
-    """Unit vectors spread evenly over the sphere (Fibonacci's spiral), shape (count, 3)."""
-    step = np.arange(count)
-    y, turn = 1 - (2 * step + 1) / count, step * np.pi * (3 - np.sqrt(5))
-    return np.stack([np.sqrt(1 - y * y) * np.cos(turn), y, np.sqrt(1 - y * y) * np.sin(turn)], axis=-1)

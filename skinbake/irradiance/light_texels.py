@@ -16,6 +16,7 @@ from skinbake.irradiance.oil_albedo import OilLayer, oil_table
 from skinbake.irradiance.punctual_light import Unshadowed, colour, emitter, unshadowed
 from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
+from skinbake.irradiance.sky_points import SkyPoints
 from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
@@ -83,10 +84,9 @@ def light_texels(
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     table = oil_table(specular) if energy_conservation else np.zeros((0, 0, 2))
     height, width = atlas[0].shape
+    points = SkyPoints(mesh, occluder, (width, height))
     skies = {
-        light.name: plan_environment(
-            light, (environments or {}).get(light.name), mesh, occluder, (width, height), shadows, tolerance, seed
-        )
+        light.name: plan_environment(light, (environments or {}).get(light.name), points, shadows, tolerance, seed)
         for light in lights
         if isinstance(light, EnvironmentLight)
     }

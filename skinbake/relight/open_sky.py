@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, Tiles, coarser_atlas, signed_uv_area
-from skinbake.irradiance.environment_plan import all_around
 from skinbake.irradiance.environment_share import aim
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.settled_rays import no_answers
+from skinbake.irradiance.sky_points import all_around
 from skinbake.irradiance.surface import texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import for_slices, parallel_for

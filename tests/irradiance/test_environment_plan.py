@@ -9,6 +9,7 @@ from skinbake.atlas import rasterize
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.sky_points import SkyPoints
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.maps import SkinMaps
@@ -22,7 +23,7 @@ def sky(**more) -> EnvironmentLight:
 
 
 def plan(mesh, light, tolerance=0.01, shadows=True, radiance=None):
-    return plan_environment(light, radiance, mesh, Occluder(mesh), SIZE, shadows, tolerance, 0)
+    return plan_environment(light, radiance, SkyPoints(mesh, Occluder(mesh), SIZE), shadows, tolerance, 0)
 
 
 def light_one(mesh, light, **options):

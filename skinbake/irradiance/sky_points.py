@@ -1,0 +1,180 @@
+"""Points of the skin by which skies are planned: what a few of them see of the sky is traced once for every sky."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.irradiance.environment_share import open_shares, shares_of
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.surface import scattered_origins
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float
+from skinbake.scene.mesh import SkinMesh
+
+Image = NDArray[np.float32]
+POINTS = 16384  # of the skin: a dark place that fills one in this many of them costs 0.8 % rms
+POINTS_EACH = 32  # of them, one in so many tells what it sees
+DIRECTIONS = 1024  # all around, each for the part of the sphere that is nearest to it
+
+
+class SkyPoints:
+    """Points scattered over the skin.
+
+    Parameters
+    ----------
+    mesh : SkinMesh
+    occluder : Occluder
+        The mesh's.
+    size : (width, height)
+        Of the texture.
+    """
+
+    def __init__(self, mesh: SkinMesh, occluder: Occluder, size: tuple[int, int]) -> None:
+        self._mesh, self._occluder, self._size = mesh, occluder, size
+
+    @cached_property
+    def _places(self) -> tuple[Image, Image]:
+        """Where rays start, and smooth normals, (n, 3)."""
+        return scattered_origins(self._mesh, self._occluder, self._size, POINTS)
+
+    @property
+    def normal(self) -> Image:
+        """Smooth normals of all points, (n, 3)."""
+        return self._places[1]
+
+    def shares(self, directions: Image, weights: Image) -> Image:
+        """Share of R, G, B and of their sum that arrives at every point, traced, (n, 4).
+
+        Parameters
+        ----------
+        directions, weights : ndarrays of shape (s, 3)
+            As `SkySamples.draw` gives them.
+        """
+        return open_shares(*self._places, directions, weights, self._occluder)
+
+    def few_shares(self, directions: Image, weights: Image) -> Image:
+        """The same of one point in `POINTS_EACH`, (m, 4), by what it sees of the direction nearest to each.
+
+        Parameters
+        ----------
+        directions, weights : ndarrays of shape (s, 3)
+        """
+        near = np.empty(len(directions), np.int64)
+        parallel_for(_find_nearest, len(near), directions, self._few.towards, near)
+        out = np.empty((len(self._few.normal), 2, 4))
+        parallel_for(_sum, len(out), self._few, _Drawn(directions, weights, near), out)
+        return shares_of(out)
+
+    @cached_property
+    def _few(self) -> _Few:
+        """What a few of the points see."""
+        origin, normal = (np.ascontiguousarray(each[::POINTS_EACH]) for each in self._places)
+        towards = all_around(DIRECTIONS).astype(np.float32)
+        point, direction = np.nonzero(np.einsum("ni,di->nd", normal, towards) > 0)
+        share = np.zeros((len(normal), DIRECTIONS), np.float32)
+        share[point, direction] = self._occluder.unhindered(
+            origin[point], towards[direction], np.full(len(point), np.inf, np.float32)
+        )
+        return _Few(normal, towards, share)
+
+
+class _Few(NamedTuple):
+    """What points see of directions all around.
+
+    Attributes
+    ----------
+    normal : ndarray of shape (m, 3), float32
+    towards : ndarray of shape (D, 3), float32
+    share : ndarray of shape (m, D), float32
+        Of light from each; 0 below the horizon.
+    """
+
+    normal: Image
+    towards: Image
+    share: Image
+
+
+class _Drawn(NamedTuple):
+    """A sky's directions.
+
+    Attributes
+    ----------
+    directions, weights : ndarrays of shape (s, 3), float32
+    near : ndarray of shape (s,), int64
+        Which of the directions all around is nearest to each.
+    """
+
+    directions: Image
+    weights: Image
+    near: NDArray[np.int64]
+
+
+@kernel(inline=True)
+def _cosine(a: Image, i: int, b: Image, j: int) -> float:
+    """Cosine between unit vectors i of `a` (n, 3) and j of `b` (m, 3)."""
+    return a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
+
+
+@kernel
+def _find_nearest(first: int, stop: int, directions: Image, towards: Image, near: NDArray[np.int64]) -> None:
+    """Number of the direction all around that is nearest to each of a sky's.
+
+    Parameters
+    ----------
+    first, stop : int
+        Of the sky's.
+    directions : ndarray of shape (s, 3)
+    towards : ndarray of shape (D, 3)
+    near : ndarray of shape (s,)
+        Written.
+    """
+    for s in range(first, stop):
+        best = np.float32(-2.0)
+        for d in range(len(towards)):
+            cosine = (
+                directions[s, 0] * towards[d, 0] + directions[s, 1] * towards[d, 1] + directions[s, 2] * towards[d, 2]
+            )
+            if cosine > best:
+                best, near[s] = cosine, d
+
+
+@kernel
+def _sum(first, stop, points, drawn, out):  # type: ignore[no-untyped-def]
+    """Light that directions send to points by the cosine, and the part that arrives, as `open_sums` has them.
+
+    Parameters
+    ----------
+    first, stop : int
+        Points.
+    points : _Few
+    drawn : _Drawn
+    out : ndarray of shape (m, 2, 4)
+        Written.
+    """
+    normal, towards, weights = points.normal, drawn.directions, drawn.weights
+    for i in range(first, stop):
+        out[i] = 0.0
+        for s in range(len(towards)):
+            cosine = np.float64(
+                normal[i, 0] * towards[s, 0] + normal[i, 1] * towards[s, 1] + normal[i, 2] * towards[s, 2]
+            )
+            if cosine > 0.0:
+                share = points.share[i, drawn.near[s]]
+                for c in range(3):
+                    sent = cosine * weights[s, c]
+                    out[i, 0, c] += sent
+                    out[i, 1, c] += sent * share
+        for k in range(2):
+            out[i, k, 3] = out[i, k, 0] + out[i, k, 1] + out[i, k, 2]
+
+
+def all_around(count: int) -> Float:
+    """Unit vectors spread evenly over the sphere (Fibonacci's spiral), shape (count, 3)."""
+    step = np.arange(count)
+    y, turn = 1 - (2 * step + 1) / count, step * np.pi * (3 - np.sqrt(5))
+    return np.stack([np.sqrt(1 - y * y) * np.cos(turn), y, np.sqrt(1 - y * y) * np.sin(turn)], axis=-1)
