@@ -35,9 +35,9 @@ def seen_skin(sky: OpenSky, scene: SceneData, size: tuple[int, int], udim: bool)
     """
     order = _near_together(sky.towards)
     columns = np.ascontiguousarray(sky.towards[order].T)
-    tile, flat, met_skin, in_first_half, parts = [], [], [], [], []
+    before, tile, flat, met_skin, in_first_half, parts = 0, [], [], [], [], []
     for k, raster in enumerate(sky.atlas):
-        share, before = sky.share[raster.tile], sum(map(len, flat))
+        share = sky.share[raster.tile]
         flat.append(np.flatnonzero(raster.addressed))
         tile.append(np.full(len(share), k, np.int32))
         way = np.empty((len(share), RAYS), np.int32)
@@ -51,9 +51,9 @@ def seen_skin(sky: OpenSky, scene: SceneData, size: tuple[int, int], udim: bool)
         parts.append((before + np.arange(len(share)), place[seen != NOTHING]))
         met_skin.append(hit.sum(axis=1))
         in_first_half.append(hit[:, : RAYS // 2].sum(axis=1))
-    whole, count = np.concatenate(flat), np.full(sum(map(len, flat)), RAYS)
-    met = np.concatenate(met_skin), np.concatenate(in_first_half)
-    return numbered(sky.atlas, np.concatenate(tile), whole, count, *met, parts, None, size)
+        before += len(share)
+    texels = np.concatenate(tile), np.concatenate(flat), np.full(before, RAYS)
+    return numbered(sky.atlas, *texels, np.concatenate(met_skin), np.concatenate(in_first_half), parts, None, size)
 
 
 def _near_together(towards: Image) -> NDArray[np.int64]:
