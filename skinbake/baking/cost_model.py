@@ -9,14 +9,18 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from skinbake.diffuse.terms.interreflection import COARSE_ERROR, COARSENESS
+from skinbake.diffuse.terms.interreflection import COARSE_ERROR, COARSENESS, LEAST_RAYS, MOST_RAYS, Bounced, Receivers
+from skinbake.diffuse.terms.skin_view import RAYS
 from skinbake.relight.transfer import transfer_size
 from skinbake.scene.budget import Budget
 from skinbake.scene.spec import SceneSpec
 
 # What is not known before the look's files are read
-TRIANGLES = 140_000
+TRIANGLES = 60_000
+SKIN_MM2 = 200_000.0  # of a head, more with its neck
 BOUNCED = 0.037  # of its light that skin sends to skin; heads
+NOISE = Bounced(BOUNCED, 0.018)
+A_RAY_S, A_RECEIVER_S = 0.42e-6, 1.6e-6  # of light from skin to skin: of a ray, and of a texel and a light
 WALL = 0.65  # seconds on two cores of one of processor time
 START_S = 0.9  # of the process, until it reads
 
@@ -28,11 +32,14 @@ class Work(NamedTuple):
     ----------
     tiles, lobes, triangles : int
         How many; triangles with those that only cast shadows.
+    skin_mm2 : float
+        Area of the skin.
     """
 
     tiles: int = 1
     lobes: int = 6
     triangles: int = TRIANGLES
+    skin_mm2: float = SKIN_MM2
 
 
 def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, float]:
@@ -62,7 +69,7 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
         "diffuse": 0.5
         + 3 * triangles
         + (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 * _exactness(budget)
-        + _between_skin(spec, budget),
+        + _between_skin(spec, budget, work),
         "preview": 1.0 + 0.35 * megatexels**0.7,
         "write": 0.02 + 0.25 * megatexels,
     }
@@ -88,12 +95,26 @@ def _exactness(budget: Budget) -> float:
     return max((0.005 / max(budget.blur, 1e-9)) ** 0.7, 1.0)
 
 
-def _between_skin(spec: SceneSpec, budget: Budget) -> float:
-    """Seconds of light from skin to skin: texels and rays by how coarse the receivers may be."""
-    if spec.terms.interreflection == "off":
-        return 0.0
-    left = min((budget.terms_left(light.name) for light in spec.lights), default=budget.left)
-    if spec.terms.interreflection == "auto" and left > BOUNCED:
-        return 0.1
-    coarser = min(max(left / (COARSE_ERROR * BOUNCED), COARSENESS[0]), COARSENESS[1])
-    return 0.1 + 0.35 * coarser**-3
+def looking(spec: SceneSpec, budget: Budget, work: Work) -> tuple[float, float]:
+    """About how many texels look for skin that lights them, and how many rays they send in all.
+
+    Parameters
+    ----------
+    spec, budget, work
+        As of `stage_seconds`.
+    """
+    limits = [budget.terms_left(light.name) for light in spec.lights] or [budget.left]
+    if spec.terms.interreflection == "off" or (spec.terms.interreflection == "auto" and min(limits) > BOUNCED):
+        return 0.0, 0.0
+    coarser = min(max(min(limits) / (COARSE_ERROR * BOUNCED), COARSENESS[0]), COARSENESS[1])
+    taken = Receivers(coarser, rays=min(max(NOISE.rays_for(min(limits)), LEAST_RAYS, RAYS / coarser), MOST_RAYS))
+    texels = spec.texture.size[0] * spec.texture.size[1] * work.tiles
+    receivers = min(0.8 * texels, 1.3 * work.skin_mm2 / taken.width_mm**2)
+    return receivers, receivers * (4 + taken.rays * (0.22 if taken.with_neighbours else 0.85))
+
+
+def _between_skin(spec: SceneSpec, budget: Budget, work: Work) -> float:
+    """Seconds of light from skin to skin: to trace rays, and to gather what they bring of each light."""
+    receivers, rays = looking(spec, budget, work)
+    lights = len(spec.lights) if spec.output.separate_lights else 1
+    return 0.1 + rays * A_RAY_S + receivers * lights * A_RECEIVER_S

@@ -18,6 +18,7 @@ from skinbake.errors import InputError
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.fingerprint import input_hashes, input_stamps
+from skinbake.io.mesh.files import mesh_files
 from skinbake.io.scene_files import read_scene
 from skinbake.io.spool import Spool
 from skinbake.io.table import read_profile_csv
@@ -31,6 +32,9 @@ from skinbake.scene.maps import IMAGES, OF_SKIN
 from skinbake.scene.mesh_files import OF_FILE
 from skinbake.scene.skin import PhysiologySkin
 from skinbake.scene.spec import SceneSpec
+
+BYTES_A_TRIANGLE = {".obj": 88, ".png": 0, ".jpg": 0, ".jpeg": 0}  # of a mesh's files
+_OTHERS_BYTES = 40
 
 
 def _layout_of_its_own(spec: SceneSpec) -> bool:
@@ -104,6 +108,20 @@ class BakeInputs:
             key = key_of(self.key("albedo", *(role for role in self.digests if role != "skin")), as_written)
             self._scene = self._session.peek("scene", key) or self._session.put("scene", key, self._read())
         return self._scene
+
+    @property
+    def triangles(self) -> int:
+        """How many the mesh and what shadows it have, about: by the length of files not read yet."""
+        if self._scene is not None:
+            mesh = self._scene.mesh
+            return len(mesh.faces) + (len(mesh.casters.faces) if mesh.casters is not None else 0)
+        paths = [
+            *mesh_files(self.spec.mesh.path),
+            *(file for of in self.spec.occluders for file in mesh_files(of.path)),
+        ]
+        lengths = [(path, (self._stamps.get(path) or (0, 0))[1]) for path in paths]
+        each = [(BYTES_A_TRIANGLE.get(path.suffix.lower(), _OTHERS_BYTES), length) for path, length in lengths]
+        return sum(length // of for of, length in each if of)
 
     @property
     def skin_maps(self) -> tuple[str, ...]:

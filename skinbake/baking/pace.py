@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from skinbake.baking.cost_model import Work, stage_seconds
+from skinbake.baking.cost_model import TRIANGLES, Work, stage_seconds
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.stage_log import StageLog
 from skinbake.diffuse.scatter import LIKELY_LOBES
@@ -33,16 +33,17 @@ NOTABLE = 0.1  # change of that which is worth a file
 STAGES = frozenset({"read", "raster", "profile", "irradiance", "diffuse", "relight", "preview", "write"})
 
 
-def rule_of_thumb(spec: SceneSpec, budget: Budget | None = None) -> dict[str, float]:
-    """Seconds of each stage on the machine that the model was fitted on, from the look alone.
+def rule_of_thumb(spec: SceneSpec, budget: Budget | None = None, triangles: int = TRIANGLES) -> dict[str, float]:
+    """Seconds of each stage on the machine that the model was fitted on, from the look and the length of its mesh.
 
     Parameters
     ----------
     spec : SceneSpec
     budget : Budget, optional
         Where the texture's size is decided: `spec` is then at that size.
+    triangles : int
     """
-    work = Work(2 if spec.texture.udim else 1, spec.skin.fit.gaussians or LIKELY_LOBES)
+    work = Work(2 if spec.texture.udim else 1, spec.skin.fit.gaussians or LIKELY_LOBES, triangles)
     return stage_seconds(spec, budget or budget_of(spec), work)
 
 
@@ -67,7 +68,7 @@ def expected_seconds(inputs: BakeInputs, stages: Stages, asked: Collection[str] 
     later = stages.relight is not None and "relight" in asked and bool(stages.relight.stale())
     runs = dict.fromkeys(("read", "raster", "write"), light or lobes) | {"irradiance": light, "relight": later}
     runs |= dict.fromkeys(("profile", "diffuse", "preview"), lobes)
-    rule = rule_of_thumb(inputs.spec, inputs.decisions.budget)
+    rule = rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
     return {name: s for name, s in paced(rule).items() if name in asked and runs[name]}
 
 
@@ -83,7 +84,7 @@ def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
     """
     if inputs.spec.texture.size[0] * inputs.spec.texture.size[1] < TELLING_TEXELS:
         return
-    before, rule = _kept(), rule_of_thumb(inputs.spec, inputs.decisions.budget)
+    before, rule = _kept(), rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
     ran = {name: log.busy[name] / seconds for name, seconds in rule.items() if log.reused.get(name) is False}
     now = before | {name: _believed(0.5 * (before.get(name, times) + times)) for name, times in ran.items()}
     path = _path()

@@ -236,7 +236,7 @@ def expected(
     lost : float
         Error of a texture that is coarser than asked for.
     """
-    from skinbake.baking.cost_model import START_S, Work, stage_seconds
+    from skinbake.baking.cost_model import START_S, Work, looking, stage_seconds
     from skinbake.baking.pace import paced
     from skinbake.baking.preview_scene import picture_bytes
     from skinbake.diffuse.memory import LOADED_BYTES, memory_needed_bytes
@@ -249,7 +249,7 @@ def expected(
     from skinbake.relight.transfer import AT_ONCE, transfer_size
     from skinbake.scene.budget import budget_of
 
-    budget, work = budget_of(spec, lost), Work(tiles, len(variance_mm2), uv.triangles + casters)
+    budget, work = budget_of(spec, lost), Work(tiles, len(variance_mm2), uv.triangles + casters, uv.area_mm2)
     lights, summed = len(spec.lights), not spec.output.separate_lights
     megatexels = spec.texture.size[0] * spec.texture.size[1] * tiles / 2**20
     megatriangles = (uv.triangles + casters) / 1e6
@@ -276,7 +276,8 @@ def expected(
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
     # Lights stored summed are blurred summed; drawn are the sum of each lobe, and maps and irradiance as they are
     separate, beam = 1 if summed else lights, may_shift_light(spec)
-    needed = memory_needed_bytes(spec.texture.size, separate, tiles, beam=beam, on_disk=True) / 2**20
+    look = looking(spec, budget, work)[0]
+    needed = memory_needed_bytes(spec.texture.size, separate, tiles, beam=beam, on_disk=True, looking=look) / 2**20
     needed = max(needed, images_mib + picture_bytes(spec.texture.size, lights, tiles) / 2**20)
     needed = needed if lights else images_mib
     relight = {}

@@ -7,6 +7,7 @@ from skinbake.errors import MachineError
 from skinbake.machine import physical_memory_bytes
 
 LOADED_BYTES = 505 << 20  # libraries, compiled kernels, OpenGL and its picture, besides all textures
+LOOKING_BYTES = 300  # of a texel that looks for skin that lights it: where it is, the skin that it sees, and its light
 READ_BYTES = 560 << 20  # of temporary files, that are in memory at a time: `io.spool` lets them go then
 
 
@@ -18,6 +19,7 @@ def memory_needed_bytes(
     method: str = "auto",
     beam: bool = False,
     on_disk: bool = False,
+    looking: float = 0,
 ) -> int:
     """Peak memory of a bake's full textures, besides `LOADED_BYTES`, maps and mesh.
 
@@ -33,6 +35,8 @@ def memory_needed_bytes(
         Whether wider lobes blur another light: a second source, its moments, its premultiplied copy and its leaves.
     on_disk : bool
         Whether what no step reads stands in temporary files, as in a bake into a folder.
+    looking : float
+        Texels that look for skin that lights them.
 
     Raises
     ------
@@ -54,16 +58,17 @@ def memory_needed_bytes(
     """
     texels = size[0] * size[1] * tiles
     again = (12 + 4 + 16 + 12) * lights if beam else 0
+    between = int(LOOKING_BYTES * looking)
     if on_disk:
         entering = 45 if beam else 30
-        return int(min(160 * texels, READ_BYTES) + texels * max(entering, 12 + 6 * lights))
+        return int(min(160 * texels, READ_BYTES) + texels * max(entering, 12 + 6 * lights)) + between
     kept = min(lobes, 3.5) * 6 * (lights + 1)
     per_texel = 20 + 12 * lights + kept
     surface = 52 + 1.5 * (32 + 12 * lights) + 11 + 4 * lights + 4
     per_texel += surface  # probes are checked against the surface integral, whatever the method
     fixed = method_asked_for(method)
     per_texel += max(each.memory_bytes_per_texel(lights) for each in ([fixed] if fixed else METHODS.values()))
-    return int(texels * (per_texel + again))
+    return int(texels * (per_texel + again)) + between
 
 
 def disk_needed_bytes(size: tuple[int, ...], lights: int, tiles: int = 1, beam: bool = False) -> int:

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from skinbake.baking import pace
-from skinbake.baking.cost_model import WALL, Work, stage_seconds
+from skinbake.baking.cost_model import WALL, Work, looking, stage_seconds
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
@@ -52,17 +52,42 @@ def test_more_to_do_takes_longer():
     assert total(fewer) < total(spec)
 
 
+def test_more_skin_and_tighter_tolerances_send_more_rays():
+    """Texels of the skin's own size, at most those of the texture; nothing where the term is off."""
+
+    def rays(spec, **work):
+        return looking(spec, budget_of(spec), Work(**work))
+
+    loose, tight = rays(head(1024, 0.02)), rays(head(1024, 0.003))
+    assert loose[0] < 0.1 * tight[0]
+    assert loose[1] < 0.1 * tight[1]
+    assert rays(head(256, 0.003))[0] <= 256 * 256
+    assert rays(head(1024, 0.003), skin_mm2=1e5)[0] < tight[0]
+    spec = head(1024, 0.003)
+    off = spec.model_copy(update={"terms": spec.terms.model_copy(update={"interreflection": "off"})})
+    assert rays(off) == (0, 0)
+
+
+def test_triangles_are_known_before_the_mesh_is_read():
+    """By the length of its file, within a tenth for the sample head; exactly once it was read."""
+    inputs = BakeInputs(head(512, 0.003), BakeSession(), StageLog(0))
+    guess = inputs.triangles
+    read = len(inputs.scene().mesh.faces)
+    assert abs(guess / read - 1) < 0.1
+    assert inputs.triangles == read
+
+
 def test_the_machine_s_pace_is_kept_and_renewed(tmp_path, monkeypatch):
     """A bake that takes twice as long as expected doubles what is expected; a damaged file says nothing."""
     monkeypatch.setenv("SKINBAKE_CACHE", str(tmp_path))
     inputs, log = BakeInputs(head(512, 0.01), BakeSession(), StageLog()), StageLog()
-    rule = pace.rule_of_thumb(inputs.spec, inputs.decisions.budget)
+    rule = pace.rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
     assert pace.paced(rule) == rule
     log.busy = {name: 2 * seconds for name, seconds in rule.items()}
     log.reused = dict.fromkeys(rule, False)
     pace.keep_pace(inputs, log)
     assert pace.paced(rule) == pytest.approx({name: 2 * seconds for name, seconds in rule.items()})
-    assert pace.whole_seconds(inputs.spec) == pytest.approx(2 * sum(rule.values()))
+    assert pace.whole_seconds(inputs.spec) == pytest.approx(2 * sum(pace.rule_of_thumb(inputs.spec).values()))
     (path,) = tmp_path.glob("pace-*.json")
     assert json.loads(path.read_text())["diffuse"] == pytest.approx(2)
     path.write_text("[")

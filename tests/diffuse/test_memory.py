@@ -50,3 +50,11 @@ def test_light_that_is_shifted_is_held_twice():
     """The source itself at least, light by light."""
     more = memory_needed_bytes((1024, 1024), 3, beam=True) - memory_needed_bytes((1024, 1024), 3)
     assert 3 * 12 * 2**20 < more < 3 * 60 * 2**20
+
+
+def test_texels_that_look_for_skin_are_counted():
+    """A million of them holds a few hundred MiB, in files or not."""
+    for on_disk in (False, True):
+        more = memory_needed_bytes((1024, 1024), 3, on_disk=on_disk, looking=1 << 20)
+        more -= memory_needed_bytes((1024, 1024), 3, on_disk=on_disk)
+        assert 200 * 2**20 < more < 400 * 2**20

@@ -92,7 +92,7 @@ def bounced_light(
         if not turn:
             first = now
             apart = view.quieter(halves[0] - halves[1]).reshape(out.shape) * again
-            here = np.maximum(_rms(view.quieter(halves.mean(axis=0)).reshape(out.shape) * again, area), 1e-30)
+            here = np.maximum(_rms(got * again, area), 1e-30)
             noise = _rms(apart, area) / here * (_HALVES * np.sqrt(0.5) * 2**-NOISE_FALL)
         del halves
         falls = np.minimum(then / np.maximum(now, 1e-30), _SLOWEST)
@@ -144,8 +144,10 @@ class SkinLight(NamedTuple):
 
 def _rms(values: Image, weight: Image | None = None) -> NDArray[np.float64]:
     """Root of the sum of squares of each light, (L,), of (n, L, 3), each times its weight."""
-    each = np.ones(len(values), np.float32) if weight is None else weight
-    root: NDArray[np.float64] = np.sqrt(np.einsum("n,nlc,nlc->l", each, values, values, dtype=np.float64))
+    square = values * values
+    if weight is not None:
+        square *= weight[:, None, None]
+    root: NDArray[np.float64] = np.sqrt(square.sum(axis=(0, 2), dtype=np.float64))
     return root
 
 
