@@ -23,7 +23,7 @@ from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts
-from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
+from skinbake.diffuse.terms.transmission import TransmittedLight, even_share, transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
@@ -146,7 +146,8 @@ def scatter(
     del entering
     if line is None or not plainly_dark:
         through, line = pass_through(thin=thin)
-    lobes = curved.applied(diffused.lobes) if curved else diffused.lobes
+    straight = even_share(diffused, thin) if curved and through is not None and thin is not None else None
+    lobes = curved.applied(diffused.lobes, straight) if curved else diffused.lobes
     if through is not None and arrived is not None and skin_light is not None:
         through = sent_on(through, lobes, arrived, diffused.lights, skin_light, spec, scene, gaussians, aside.rest)
     through = through and aside.lobe(through)

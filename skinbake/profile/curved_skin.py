@@ -1,7 +1,7 @@
 """Skin that is not flat: a round form sends back more of the light that entered than a plane does, a hollow less.
 
-Light that has scattered below a convex face finds the face nearer on all sides, and leaves before it is absorbed. The
-equation of diffusion is solved for a ball and for a hollow in a medium, lit from everywhere (theory.md 9.8).
+Light that has scattered below a convex face finds the face nearer on all sides, and leaves before it is absorbed. How
+much, is told by the rate at which light from everywhere dies away below the face (theory.md 9.8).
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from skinbake.profile.fresnel import boundary_factor
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.profile.medium import Medium
 
-ROUNDEST = 1.0  # curvature times the depth at which light first scatters: nothing is rounder
-
 
 def first_depth_mm(medium: Medium, eta: float) -> Float:
     """Mean depth at which light from everywhere first scatters, mm, (C,): a free path times its mean cosine inside."""
@@ -24,31 +22,24 @@ def first_depth_mm(medium: Medium, eta: float) -> Float:
     return medium.free_path_mm * float((2 * mu * np.sqrt(1 - (1 - mu**2) / max(eta, 1.0) ** 2) * weight).sum())
 
 
-def curved_gain(medium: Medium, eta: float, curvature_per_mm: Float) -> Float:
-    """What skin of a mean curvature sends back over what a plane does, (n, C).
+def curved_gain(medium: Medium, eta: float, slower_per_mm: Float) -> Float:
+    """What skin of any form sends back over what a plane does, (n, C), lit from everywhere on all its sides.
 
     Parameters
     ----------
     medium : Medium
     eta : float
         Index inside over that of the outside.
-    curvature_per_mm : ndarray of shape (n,)
-        1 / radius of a ball, below 0 in a hollow.
+    slower_per_mm : ndarray of shape (n,) or (n, C)
+        By how much light dies away more slowly below the face than below a plane: of a large ball 1 / radius, below 0
+        in a hollow, never more than sigma_tr.
     """
     depth, kappa = first_depth_mm(medium, eta), medium.sigma_tr_per_mm
     beyond = medium.extrapolation_mm(boundary_factor(eta))
-    bend = np.clip(curvature_per_mm[:, None], -ROUNDEST / depth, ROUNDEST / depth / 2)
-    round_, hollow = np.maximum(bend, 1e-9), np.minimum(bend, 0)
-    # Chance to leave from the depth, of a ball: sinh(kappa r) / r that solves f + z_b f' = 1 at the face
-    across = 1 / round_
-    inside = np.exp(-kappa * depth) * safe_div(-np.expm1(-2 * kappa * (across - depth)), -np.expm1(-2 * kappa * across))
-    inside = np.where(kappa * across > 1e-6, inside, (across - depth) / across)
-    rising = np.where(kappa * across > 1e-6, kappa / np.tanh(np.maximum(kappa * across, 1e-6)), round_) - round_
-    ball = inside / (1 - depth * round_) / (1 + beyond * rising)
-    # Of a hollow: exp(-kappa r) / r outside it
-    cave = np.exp(-kappa * depth) / (1 - depth * hollow) / (1 + beyond * (kappa - hollow))
-    plane = np.exp(-kappa * depth) / (1 + beyond * kappa)
-    return np.where(bend > 0, ball, cave) / plane
+    slower = slower_per_mm if slower_per_mm.ndim == 2 else slower_per_mm[:, None]
+    slower = np.minimum(slower, kappa)
+    gain: Float = (1 + beyond * kappa) / (1 + beyond * (kappa - slower)) * np.exp(slower * depth)
+    return gain
 
 
 def curved_share(gaussians: GaussianSum, medium: Medium, eta: float) -> Float:

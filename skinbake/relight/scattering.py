@@ -27,7 +27,7 @@ from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts
-from skinbake.diffuse.terms.transmission import transmit
+from skinbake.diffuse.terms.transmission import even_share, transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
@@ -124,8 +124,11 @@ class Scattering:
         for raster, albedo in zip(self._atlas, self._albedo, strict=True):
             light[raster.tile] *= albedo**exponent
         diffused = self._diffused(light)
-        lobes = self._curved.applied(diffused.lobes) if self._curved else diffused.lobes
-        through = self._sent_on(self._transmitted(diffused, first), lobes, light, diffused.lights)
+        through, straight = self._transmitted(diffused, first), None
+        if self._curved and through is not None and self._thin is not None:
+            straight = even_share(diffused, self._thin)
+        lobes = self._curved.applied(diffused.lobes, straight) if self._curved else diffused.lobes
+        through = self._sent_on(through, lobes, light, diffused.lights)
         lobes = (*lobes, through) if through else lobes
         weights = SkinWeights(np.array([lobe.weight_rgb for lobe in lobes]), self._weights.table, self._scene.maps)
         return {raster.tile: summed_lobes(lobes, weights, raster.tile, raster.shape) for raster in self._atlas}

@@ -14,7 +14,7 @@ from skinbake.transport.walk_scene import HARD, THROUGH, WHOLE, Place
 
 
 @kernel(inner=True)
-def _see_skies(lights, tally, weight, opened, direction, first_stay):  # type: ignore[no-untyped-def]
+def _see_skies(lights, tally, weight, opened, direction, hidden, first_stay):  # type: ignore[no-untyped-def]
     """Count what skies send against a direction in which a walk may leave.
 
     Parameters
@@ -25,12 +25,14 @@ def _see_skies(lights, tally, weight, opened, direction, first_stay):  # type: i
     opened : float
         Share of the sky's light that enters there, per unit radiance inside.
     direction : tuple of three floats
+    hidden : bool
+        Whether other skin is in the way.
     first_stay : bool
     """
     out, mix = tally.out, tally.mix
     ox, oy, oz = direction
     for light in range(len(lights.kind)):
-        if lights.kind[light] != SKY:
+        if lights.kind[light] != SKY or (hidden and lights.casts[light]):
             continue
         for rgb in range(3):
             sky = opened * radiance_from(lights.sky[light], lights.rotate[light], ox, oy, oz, rgb)
@@ -96,8 +98,8 @@ def at_face(scene, tally, place, hit, weight, counts, state):  # type: ignore[no
     again = 0.0
     if reflected < 1.0 and (goes_out or has_sky):
         again, f, b1, b2 = first_hit(rays, buffer, (qx, qy, qz), (ox, oy, oz), np.inf)
-        if f < 0 and collisions > 0 and has_sky:
-            _see_skies(lights, tally, weight, opened, (ox, oy, oz), left == 0)
+        if collisions > 0 and has_sky:
+            _see_skies(lights, tally, weight, opened, (ox, oy, oz), f >= 0, left == 0)
     if goes_out:
         if f < 0:
             return place, 0.0, True, state

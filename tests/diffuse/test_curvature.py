@@ -8,7 +8,7 @@ import pytest
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.terms.beam_shift import BeamShift
-from skinbake.diffuse.terms.curvature import curve_skin
+from skinbake.diffuse.terms.curvature import MOST_GAIN, CurvedSkin, curve_skin, lobe_factors
 from skinbake.irradiance.occluder import Occluder
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_gain
@@ -53,6 +53,31 @@ def test_a_ball_in_even_light_sends_back_the_gain():
     want = 2 * gaussians.weight_rgb.sum(axis=0) * curved_gain(SKIN, 1.4, np.array([1 / RADIUS]))[0]
     np.testing.assert_allclose(total, want, rtol=0.015)
     assert bent[2].rgb[1001].min() > 0
+
+
+def test_lobes_share_any_gain():
+    """Weighted, the factors are the gain, above and below 1, and none is below 0; of a plane they are 1."""
+    weight, share = np.array([[0.1, 0.2], [0.2, 0.1], [0.1, 0.1]]), np.array([[0.2, 0.5], [0.8, 1.0], [2.2, 2.0]])
+    factors = lobe_factors(weight, share)
+    gain = np.linspace(0, MOST_GAIN, factors.shape[1])
+    mean = (weight[:, None] * factors).sum(axis=0) / weight.sum(axis=0)
+    above, below = gain >= 1, (gain > 0.01) & (gain < 1)
+    want = 1 + (weight * share).sum(axis=0) / weight.sum(axis=0) * (gain[above, None] - 1)
+    np.testing.assert_allclose(mean[above], want, rtol=1e-6)
+    np.testing.assert_allclose(mean[below], np.repeat(gain[below, None], 2, axis=1), rtol=1e-3)
+    assert factors.min() >= 0
+    np.testing.assert_allclose(factors[:, np.abs(gain - 1).argmin()], 1, atol=1e-6)
+
+
+def test_what_another_lobe_adds_is_taken_off():
+    """In even light the lobes and light through a thin part come to the gain together."""
+    gaussians = profile()
+    total = gaussians.weight_rgb.sum(axis=0)
+    gain, through = np.full((4, 4, 3), 1.3, np.float32), np.full((8, 8, 3), 0.45, np.float32)
+    curved = CurvedSkin({1001: gain}, {1001: gain}, gaussians.weight_rgb, np.ones((3, 3)))
+    bent = curved.applied(even_lobes(gaussians), {1001: through})
+    light = sum(np.asarray(lobe.weight_rgb) * lobe.rgb[1001][0].mean(axis=(0, 1)) for lobe in bent)
+    np.testing.assert_allclose(light + 2 * 0.45 * total, 2 * 1.3 * total, rtol=2e-3)
 
 
 def test_a_white_profile_looks_in_even_light_as_its_albedo():

@@ -1,8 +1,11 @@
-"""Round skin shines more than flat skin, hollows less: a factor on each lobe where light leaves (theory.md 9.8)."""
+"""Round skin, edges and fins shine more than flat skin, hollows less: a factor on each lobe where light leaves.
+
+See theory.md 9.8. What comes straight through thin parts is a lobe of its own (`transmission`), and taken off.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +13,13 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Tiles, coarser_atlas, coarser_size, interpolate
 from skinbake.atlas.sample import bilinear, texels_around
+from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
+from skinbake.diffuse.terms.flesh_form import decay_below
 from skinbake.diffuse.terms.mean_curvature import mean_curvature
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float
+from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_gain, curved_share
 from skinbake.profile.effective_medium import one_layer
@@ -26,7 +31,8 @@ from skinbake.scene.spec import TextureSpec
 Image = NDArray[np.float32]
 SMOOTHED = 2.5  # times the length that light has come: curvature is a mean over it; best of 1.5 to 3 against walks
 TEXEL_MM = 1.0  # curvature is smooth: no finer texels than these
-ROUNDEST_PER_MM, STEPS = 1.0, 1000  # of the table of gains, which runs from the deepest hollow to the roundest form
+MOST_GAIN, STEPS = 4.0, 1000  # of the table of the lobes' factors
+SUMS_ERROR = 0.03  # of the decay below the face, by sums over a mesh's facets: up to that mean curvature tells it
 FURTHEST_PATHS = 20.0  # free paths: further than that no diffusion length counts
 NARROW = 0.01  # share of the gain that a lobe may have and be left as it is
 
@@ -38,15 +44,16 @@ class CurvedSkin:
     Attributes
     ----------
     curvature_per_mm : Tiles
-        Mean curvature by channel, (h, w, 3) a tile, of a small texture.
-    gain : ndarray of shape (STEPS + 1, 3)
-        Of curvatures from -ROUNDEST_PER_MM to ROUNDEST_PER_MM.
-    share : ndarray of shape (N, 3)
-        Of the gain less 1 that each lobe has.
+        Mean curvature by channel, (h, w, 3) a tile, of a small texture; it spreads beams.
+    gain : Tiles
+        What skin sends back over what a plane does, of light from everywhere, likewise.
+    weight, share : ndarrays of shape (N, 3)
+        Of the lobes; the latter says how they share the gain less 1.
     """
 
     curvature_per_mm: Tiles
-    gain: Float
+    gain: Tiles
+    weight: Float
     share: Float
 
     @property
@@ -54,20 +61,54 @@ class CurvedSkin:
         """Whether no lobe changes by it, as of a white profile: there is nothing to it where no beam is shifted."""
         return not self.share.any()
 
-    def applied(self, lobes: Sequence[Lobe]) -> tuple[Lobe, ...]:
-        """The lobes of the profile, each times what curvature makes of it."""
-        found = []
-        for lobe, share in zip(lobes, self.share, strict=True):
+    def applied(self, lobes: Sequence[Lobe], through: Mapping[int, Image] | None = None) -> tuple[Lobe, ...]:
+        """The lobes of the profile, each times what the skin's form makes of it.
+
+        Parameters
+        ----------
+        lobes : sequence of Lobe
+        through : mapping of int to ndarray of shape (h, w, 3), optional
+            What another lobe adds in even light, as a share of what a plane sends back: it has that part of the gain.
+        """
+        factors, found = lobe_factors(self.weight, self.share), []
+        gain = {tile: _less(image, through.get(tile) if through else None) for tile, image in self.gain.items()}
+        for lobe, share, factor in zip(lobes, self.share, factors, strict=True):
             if share.max() < NARROW:
                 found.append(lobe)
                 continue
-            change = share * (self.gain - 1)
-            factor = np.where(change > 0, 1 + change, 1 / (1 - np.minimum(change, 0)))  # never below 0
             rgb = {tile: np.array(image, np.float32) for tile, image in lobe.rgb.items()}
             for tile, image in rgb.items():
-                parallel_for(_multiply, image.shape[1], self.curvature_per_mm[tile], factor, image)
+                parallel_for(_multiply, image.shape[1], gain[tile], np.ascontiguousarray(factor), image)
             found.append(replace(lobe, rgb=rgb))
         return tuple(found)
+
+
+def _less(gain: Image, through: Image | None) -> Image:
+    """Gain less what another lobe adds, at the latter's size."""
+    if through is None:
+        return gain
+    return np.maximum(magnify_bilinear(gain, through.shape[:2]) - through, 0)
+
+
+def lobe_factors(weight: Float, share: Float) -> Float:
+    """Factor on each lobe, (N, STEPS + 1, 3), for gains of their sum from 0 to `MOST_GAIN`; their mean is the gain.
+
+    What is added is shared as `share` says. What is taken off leaves no lobe below 0: by 1 / (1 + t share).
+
+    Parameters
+    ----------
+    weight, share : ndarrays of shape (N, 3)
+    """
+    gain = np.linspace(0, MOST_GAIN, STEPS + 1)[:, None]
+    part = safe_div(weight, weight.sum(axis=0))[:, None]
+    more = share[:, None] > 0
+    low, high = np.zeros((STEPS + 1, weight.shape[1])), np.full((STEPS + 1, weight.shape[1]), 1e6)
+    for _ in range(60):  # the sum falls with t
+        middle = np.sqrt((low + 1e-9) * high)
+        above = (part / (1 + middle * np.where(more, share[:, None], 0))).sum(axis=0) > gain
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    less = 1 / (1 + high * share[:, None])
+    return np.where(gain >= 1, 1 + share[:, None] * (gain - 1), np.where(more, less, 1.0))
 
 
 def curve_skin(
@@ -102,15 +143,16 @@ def curve_skin(
         return None, formed_already(switch)
     # Light that leaves has come from as far as the geometric mean of a free path and the diffusion length
     path_mm, decay = layer.medium.free_path_mm, layer.medium.sigma_tr_per_mm
-    smoothed_mm = SMOOTHED * path_mm / np.sqrt(np.maximum(decay * path_mm, 1 / FURTHEST_PATHS))
-    of_vertex = mean_curvature(mesh, smoothed_mm)
-    nodes = np.linspace(-ROUNDEST_PER_MM, ROUNDEST_PER_MM, STEPS + 1)
-    gain = curved_gain(layer.medium, layer.eta, nodes)
-
-    corner = of_vertex[mesh.faces]
-    at_face = np.clip(corner.mean(axis=1), -ROUNDEST_PER_MM, ROUNDEST_PER_MM)
+    decay = np.maximum(decay, 1 / (FURTHEST_PATHS * path_mm))
+    smoothed_mm = SMOOTHED * path_mm / np.sqrt(decay * path_mm)
+    bend = mean_curvature(mesh, smoothed_mm)
+    # A white profile has the skin's own form in it: where beams are spread, mean curvature is all that counts
+    white, slower = gaussians.normalise == "white", bend
+    if not white:
+        slower = bend + _beyond(decay - decay_below(mesh, decay) - bend, SUMS_ERROR * decay)
+    gain = curved_gain(layer.medium, layer.eta, slower)
     area, total = mesh.face_area_mm2, gaussians.weight_rgb.sum(axis=0)
-    change = np.stack([np.interp(at_face[:, c], nodes, gain[:, c]) for c in range(3)], axis=1) - 1
+    change = gain[mesh.faces].mean(axis=1) - 1
     square = (area[:, None] * (total * change) ** 2).sum() / max((total**2).sum() * area.sum(), 1e-300)
     rms = float(np.sqrt(square))
     kept = switch == "on" or rms > negligible
@@ -121,11 +163,16 @@ def curve_skin(
 
     small = coarser_size(mesh, texture.size, TEXEL_MM)
     atlas = coarser_atlas(mesh, texture.size, texture.gutter, texture.udim, small)
-    tiles = {raster.tile: interpolate(raster, corner) for raster in atlas}
+    curvature, even = ({r.tile: interpolate(r, of[mesh.faces]) for r in atlas} for of in (bend, gain))
     # A white profile is what skin sends back of light from everywhere, its own form included, as albedo maps are
-    white = gaussians.normalise == "white"
     share = np.zeros_like(gaussians.weight_rgb) if white else curved_share(gaussians, layer.medium, layer.eta)
-    return CurvedSkin(tiles, gain, share), line
+    return CurvedSkin(curvature, even, gaussians.weight_rgb, share), line
+
+
+def _beyond(difference: Float, error: Float) -> Float:
+    """What of a difference is more than an error."""
+    more: Float = np.sign(difference) * np.maximum(np.abs(difference) - error, 0)
+    return more
 
 
 def formed_already(switch: str) -> Decision:
@@ -134,28 +181,27 @@ def formed_already(switch: str) -> Decision:
 
 
 @kernel
-def _multiply(first, stop, curvature, factor, image):  # type: ignore[no-untyped-def]
-    """Multiply a lobe by the factor of the curvature at each texel, read bilinearly, linear between the table's nodes.
+def _multiply(first, stop, gain, factor, image):  # type: ignore[no-untyped-def]
+    """Multiply a lobe by the factor of the gain at each texel, read bilinearly, linear between the table's nodes.
 
     Parameters
     ----------
     first, stop : int
         Rows.
-    curvature : ndarray of shape (h, w, 3)
-        1/mm, by channel, of any size.
+    gain : ndarray of shape (h, w, 3)
+        By channel, of any size.
     factor : ndarray of shape (n, 3)
-        At curvatures from -ROUNDEST_PER_MM to ROUNDEST_PER_MM in even steps.
+        At gains from 0 to MOST_GAIN in even steps.
     image : ndarray of shape (L, H, W, 3), changed in place
     """
-    h, w = curvature.shape[:2]
+    h, w = gain.shape[:2]
     lights, height, width = image.shape[:3]
     last = len(factor) - 1
     for row in range(first, stop):
         for col in range(width):
             around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
             for c in range(3):
-                bend = bilinear(curvature, c, around) / ROUNDEST_PER_MM
-                x = min(max((bend + 1.0) / 2.0, 0.0), 1.0) * last
+                x = min(max(bilinear(gain, c, around) / MOST_GAIN, 0.0), 1.0) * last
                 i = min(int(x), last - 1)
                 t = x - i
                 times = np.float32(factor[i, c] + t * (factor[i + 1, c] - factor[i, c]))

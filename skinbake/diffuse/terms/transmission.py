@@ -31,7 +31,7 @@ from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float
+from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.lights import LightSpec
@@ -133,6 +133,25 @@ def transmit(
     why = f"{switch}: through thin parts {found}, worth it from {WORTH * tolerance:.1%} (rms {limit:.2%})"
     lobe = Lobe(float(gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb) if kept else None
     return lobe, Decision("transmission", kept, why, 0.0 if kept else rms)
+
+
+def even_share(diffused: DiffuseMap, thin: ThinParts) -> dict[int, Image]:
+    """What `transmit` adds in even light from everywhere, as a share of what a plane sends back, (h, w, 3) a tile.
+
+    Parameters
+    ----------
+    diffused : DiffuseMap
+        Blurred irradiance.
+    thin : ThinParts
+    """
+    added = thin.weights.weight_rgb - _carried_already(thin.weights, diffused, thin.gaussians)
+    total, found = thin.gaussians.weight_rgb.sum(axis=0), {}
+    for raster, rows, cols, far in thin.tiles:
+        image = np.zeros((*raster.shape, 3), np.float32)
+        through = read_weights(thin.weights, added, far).sum(axis=1)
+        image[rows, cols] = safe_div(np.maximum(through, 0), total)
+        found[raster.tile] = image
+    return found
 
 
 def _carried_already(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> Float:

@@ -1,0 +1,104 @@
+"""Decay of light from everywhere below faces of several forms, against closed forms and against walks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinbake.diffuse.terms.flesh_form import decay_below
+from skinbake.profile.curved_skin import curved_gain
+from skinbake.profile.medium import Medium
+from skinbake.profile.slab_transport import diffuse_mean, slab_transport
+from skinbake.scene.lights import EnvironmentLight
+from skinbake.scene.mesh import SkinMesh
+from skinbake.transport.light_leaving import ESTIMATES, light_leaving
+from skinbake.transport.medium import TransportMedium
+from tests.shapes import joined, quad, sphere
+from tests.transport.solids import rays_of
+
+SKIN = Medium(np.array([0.032, 0.17, 0.48]), np.array([0.74, 0.88, 1.01]))
+KAPPA = SKIN.sigma_tr_per_mm
+
+
+def turned(mesh: SkinMesh, matrix, shift=(0.0, 0.0, 0.0)) -> SkinMesh:
+    """A mesh turned and moved."""
+    turn = np.asarray(matrix, np.float64)
+    return SkinMesh(mesh.positions_mm @ turn.T + shift, mesh.faces, mesh.corner_uv, mesh.corner_normal @ turn.T)
+
+
+def box(x_mm, y_mm, z_mm, step_mm=1.5) -> SkinMesh:
+    """A closed box about the origin, its normals those of its faces."""
+    sides = []
+    for axis, (across, up, deep) in enumerate(((y_mm, z_mm, x_mm), (z_mm, x_mm, y_mm), (x_mm, y_mm, z_mm))):
+        u, v, w = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3], np.eye(3)[axis]
+        for sign in (1.0, -1.0):
+            frame = np.stack([u, sign * v, sign * w], axis=1)
+            columns, rows = max(2, round(across / step_mm)), max(2, round(up / step_mm))
+            sides.append(turned(quad(across, up, 0.0, columns, rows), frame, sign * w * deep / 2))
+    return joined(*sides)
+
+
+def in_the_middle(mesh: SkinMesh, rate, z_mm, within_mm=2.0):
+    """Mean rate at the vertices about the middle of the face at a height."""
+    at = mesh.positions_mm
+    mine = (np.abs(at[:, 2] - z_mm) < 1e-6) & (np.hypot(at[:, 0], at[:, 1]) < within_mm)
+    return rate[mine].mean(axis=0)
+
+
+@pytest.mark.parametrize("thick", [3.0, 6.0, 40.0])
+def test_slabs(thick):
+    """kappa tanh(kappa d / 2), as light that decays from both faces has it."""
+    mesh = box(60.0, 60.0, thick)
+    rate = in_the_middle(mesh, decay_below(mesh, KAPPA), thick / 2)
+    np.testing.assert_allclose(rate, KAPPA * np.tanh(KAPPA * thick / 2), rtol=0.06)
+
+
+@pytest.mark.parametrize("radius", [8.0, 20.0])
+def test_balls(radius):
+    """kappa coth(kappa r) - 1 / r, everywhere on it."""
+    rate = decay_below(sphere(radius, "cube", 48), KAPPA)
+    want = np.broadcast_to(KAPPA / np.tanh(KAPPA * radius) - 1 / radius, rate.shape)
+    np.testing.assert_allclose(rate, want, rtol=0.05)
+    np.testing.assert_allclose(rate.mean(axis=0), want[0], rtol=0.02)
+
+
+def test_planes_and_open_borders():
+    """A plate is as half of space up to its open border, beyond which skin is taken to go on."""
+    mesh = quad(80.0, 80.0, 0.0, columns=30, rows=30)
+    want = np.broadcast_to(KAPPA, (len(mesh.positions_mm), 3))
+    np.testing.assert_allclose(decay_below(mesh, KAPPA), want, rtol=1e-9)
+    bowl = sphere(30.0, "cube", 48)
+    upper = bowl.corner_position_mm[..., 2].min(axis=1) > -1e-3
+    half = SkinMesh(bowl.positions_mm, bowl.faces[upper], bowl.corner_uv[upper], bowl.corner_normal[upper])
+    rim = np.unique(half.faces)
+    rim = rim[half.positions_mm[rim, 2] < 2.0]
+    assert len(rim) > 10
+    np.testing.assert_allclose(decay_below(half, KAPPA)[rim], decay_below(bowl, KAPPA)[rim], rtol=0.25)
+
+
+def test_skin_across_air_is_no_flesh():
+    """Two thick plates with a gap of a millimetre are as each alone."""
+    one, lower = box(40.0, 40.0, 20.0), box(40.0, 40.0, 20.0)
+    both = joined(one, turned(lower, np.eye(3), (0.0, 0.0, 21.0)))
+    alone, beside = decay_below(one, KAPPA), decay_below(both, KAPPA)[: len(one.positions_mm)]
+    np.testing.assert_allclose(in_the_middle(one, beside, 10.0), in_the_middle(one, alone, 10.0), rtol=0.08)
+
+
+@pytest.mark.parametrize("size", [(40.0, 40.0, 40.0), (40.0, 40.0, 6.0)])
+def test_a_wedge_and_a_fin_shine_as_walks_in_them_say(size):
+    """Next to an edge of a right angle, and at a fin's rim, a constant sky leaves the plane's light times the gain."""
+    mesh = box(*size)
+    centre = mesh.corner_position_mm.mean(axis=1)
+    away = size[0] / 2 - np.abs(centre[:, 0])
+    mine = (np.abs(centre[:, 2] - size[2] / 2) < 1e-6) & (away < 3.0) & (np.abs(centre[:, 1]) < 8.0)
+    face = np.flatnonzero(mine).astype(np.int32)
+    medium = TransportMedium(SKIN.sigma_a_per_mm, SKIN.sigma_sp_per_mm, 0.0, 1.4)
+    sky = EnvironmentLight(type="environment", name="sky", radiance=(1 / np.pi,) * 3)
+    found = light_leaving(rays_of(mesh), medium, [sky], face, np.full((len(face), 2), 1 / 3), 64, 3)
+    walked = found.mean[ESTIMATES["whole"]][:, 0].mean(axis=0)
+    plane = slab_transport(SKIN, 1.4, np.array([1.0]))
+    rate = decay_below(mesh, KAPPA)[mesh.faces[face]].mean(axis=1)
+    flat = diffuse_mean(plane.cosine, plane.back)
+    shines = (flat * curved_gain(SKIN, 1.4, KAPPA - rate)).mean(axis=0)
+    assert np.all(walked[:2] > 1.12 * flat[:2])
+    np.testing.assert_allclose(shines[:2], walked[:2], rtol=0.13)
