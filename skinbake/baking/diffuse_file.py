@@ -12,7 +12,7 @@ from skinbake.baking.manifest import finish_manifest, manifest_of
 from skinbake.baking.pace import STAGES, expected_seconds
 from skinbake.baking.report import refuse_missed, report
 from skinbake.baking.stages.irradiance import GivenIrradiance
-from skinbake.diffuse.planning.texture_size import MOST_HALVINGS, may_be_reduced
+from skinbake.diffuse.planning.texture_size import coarser_sizes, may_be_reduced
 from skinbake.errors import InputError
 from skinbake.io.digests import sha256_of
 from skinbake.io.exr import read_attributes
@@ -61,7 +61,7 @@ def _as_large_as(irradiance: Path, spec: SceneSpec) -> SceneSpec:
         sizes = {tuple(header["size"]) for header in read_attributes(irradiance).values()}
     except InputError:  # told when it is read
         sizes = set()
-    coarser = {(spec.texture.size[0] >> n, spec.texture.size[1] >> n) for n in range(1, MOST_HALVINGS + 1)}
+    coarser = set(coarser_sizes(spec.texture.size).values())
     if may_be_reduced(spec) and sizes <= coarser and sizes:
         return spec
     return spec.model_copy(update={"texture": spec.texture.model_copy(update={"reduce": "off"})})

@@ -44,7 +44,7 @@ class TextureSpec(Strict):
     unwrap: Literal["none", "xatlas"] = "none"
     """`xatlas` makes a UV layout of its own; maps are read by the old one."""
     reduce: Annotated[Literal["auto", "off"], BeforeValidator(_switch), Also("boolean")] = "auto"
-    """`auto` works at a half or a quarter of `size` where the tolerance is above 1 % and allows it; `off` never."""
+    """`auto` works at 1/4, 1/2 or 3/4 of `size` where the tolerance is above 1 % and allows it; `off` never."""
 
     @model_validator(mode="after")
     def _one_tile_is_made(self) -> TextureSpec:

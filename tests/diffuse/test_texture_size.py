@@ -6,9 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import convolve1d, map_coordinates
+from scipy.special import ive
 
+from skinbake.atlas.sample import shrink
 from skinbake.diffuse.planning import texture_size
-from skinbake.diffuse.planning.texture_size import SHARE, at_size, choose_size, detail_lost, may_be_reduced
+from skinbake.diffuse.planning.texture_size import (
+    EDGES_PER_MM,
+    SHARE,
+    at_size,
+    choose_size,
+    detail_lost,
+    may_be_reduced,
+)
 from skinbake.io.config import parse_scene
 from skinbake.profile import GaussianSum
 from skinbake.profile.weight_table import WeightTable
@@ -16,6 +26,7 @@ from skinbake.scene.maps import SkinMaps
 from tests.shapes import quad
 
 SIDE, MM = 1024, 200.0
+SLANTED_EDGES = 0.2  # a texel averages over a longer way across an edge that slants to its sides
 SKIN = GaussianSum(
     np.array([0.0016, 0.09, 4.0]),
     np.array([[0.2, 0.3, 0.5], [0.3, 0.3, 0.3], [0.5, 0.4, 0.2]]),
@@ -47,45 +58,75 @@ def speckled(contrast, seed=0):
     return np.repeat(0.5 * np.exp(contrast * noise / noise.std())[..., None], 3, axis=2).astype(np.float32)
 
 
-def brute_force(albedo, side):
-    """Share of the blurred light that a texture of `side` times wider texels loses: M of both, texel by texel."""
-    count = SIDE // side
-    means = albedo.reshape(count, side, count, side, 3).mean(axis=(1, 3))
-    wide = np.pad(means, ((1, 1), (1, 1), (0, 0)), mode="wrap")
-    place = (np.arange(SIDE) + 0.5) / side + 0.5
-    low = place.astype(int)
-    share = (place - low)[:, None, None]
-    rows = wide[low] * (1 - share) + wide[low + 1] * share
-    share = share.transpose(1, 0, 2)
-    back = rows[:, low] * (1 - share) + rows[:, low + 1] * share
-    frequency = 2 * np.pi * np.fft.fftfreq(SIDE) * SIDE / MM  # per mm
-    squared = frequency[:, None] ** 2 + frequency**2
-    passed = sum(
-        w * np.exp(-0.5 * v * squared)[..., None] for v, w in zip(SKIN.variance_mm2, SKIN.weight_rgb, strict=True)
-    )
-    full, lost = (np.fft.ifft2(np.fft.fft2(x, axes=(0, 1)) * passed, axes=(0, 1)).real for x in (albedo, albedo - back))
+def blurred(image, texel_mm, skin):
+    """An image, periodic, blurred on its own lattice by discrete Gaussians, (H, W, 3)."""
+    total = np.zeros(image.shape)
+    for variance, weight in zip(skin.variance_mm2, skin.weight_rgb, strict=True):
+        texels2 = variance / texel_mm**2
+        far = int(6 * texels2**0.5) + 6
+        taps = ive(np.abs(np.arange(-far, far + 1)), texels2)
+        total += weight * convolve1d(convolve1d(image, taps, 0, float, "wrap"), taps, 1, float, "wrap")
+    return total
+
+
+def read_back(image, shape):
+    """An image, periodic, read bilinearly at the texels of another size."""
+    wide = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="wrap")
+    row, column = ((np.arange(n) + 0.5) * m / n + 0.5 for n, m in zip(shape[:2], image.shape[:2], strict=True))
+    at = np.meshgrid(row, column, indexing="ij")
+    return np.stack([map_coordinates(wide[..., k], at, order=1) for k in range(3)], axis=-1)
+
+
+def brute_force(albedo, share, skin=SKIN):
+    """Share of the light leaving that a texture of `share` of the size loses: M of both, texel by texel."""
+    mm, count = MM / SIDE, int(SIDE * share)
+    full = blurred(albedo, mm, skin)
+    lost = full - read_back(blurred(shrink(albedo, (count, count)), mm / share, skin), full.shape)
     return np.sqrt(np.mean(lost**2) / np.mean(full**2))
 
 
-def test_the_estimate_is_what_two_textures_differ_by(monkeypatch):
-    """Ninety-six patches tell it to a tenth; edges of light come on top, as squares."""
+def lost_by_an_edge(share, skin):
+    """Square of what a millimetre of a straight edge of light loses, mm: along one axis, the mean over its places."""
+    mm, side = MM / SIDE, 64
+    across, squares = (np.arange(side) + 0.5)[None, :, None], []
+    for off in np.arange(16) / 4:
+        light = np.clip(across - 16 - off, 0, 1) - np.clip(across - 48 - off, 0, 1)  # two edges
+        light = np.repeat(light, 3, axis=2)
+        # Rows are all the same: they are averaged away from what a row is read back from
+        coarse = np.repeat(shrink(np.repeat(light, side, axis=0), (int(side * share),) * 2)[:1], 1, axis=0)
+        seen = read_back(blurred(coarse, mm / share, skin), (1, side))
+        squares.append(np.mean((seen - blurred(light, mm, skin)) ** 2, axis=(0, 2)).sum() * mm / 2)
+    return np.mean(squares)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.75])
+def test_the_estimate_is_what_two_textures_differ_by(monkeypatch, share):
+    """Ninety-six patches tell it to a tenth; edges of shadows come on top, as squares."""
     albedo, mesh = speckled(0.4), quad(MM, MM)
     maps = SkinMaps(albedo={1001: albedo})
-    spec = look(texturing={"mode": "pre-scatter"})
-    with_edges = detail_lost(spec, mesh, maps, SKIN)
+    spec, at = look(texturing={"mode": "pre-scatter"}), (0.5, 0.75).index(share)
+    edges, with_edges = (detail_lost(spec, mesh, each, SKIN)[at] for each in (SkinMaps(), maps))
     monkeypatch.setattr(texture_size, "EDGES_PER_MM", 0.0)
     found = detail_lost(spec, mesh, maps, SKIN)
-    assert len(found) == 1  # a quarter would be below the smallest size
-    assert found[0] == pytest.approx(brute_force(albedo, 2), rel=0.1)
-    edges = 0.012 * 2 * MM / SIDE
-    assert with_edges[0] == pytest.approx(np.hypot(found[0], edges), rel=1e-6)
+    assert len(found) == 2  # a quarter would be below the smallest size
+    assert found[at] == pytest.approx(brute_force(albedo, share), rel=0.1)
+    assert with_edges == pytest.approx(np.hypot(found[at], edges), rel=1e-6)
+
+
+@pytest.mark.parametrize("variance_mm2", [0.0016, 0.03, 0.3])
+def test_edges_of_shadows_lose_what_the_lobes_show_of_them(variance_mm2):
+    """From narrow lobes, where they lose a root of a texel, to wide ones, by the same EDGES_PER_MM."""
+    skin = replace(SKIN, variance_mm2=np.array([variance_mm2]), weight_rgb=np.ones((1, 3)))
+    for share, found in zip((0.5, 0.75), detail_lost(look(), quad(MM, MM), SkinMaps(), skin), strict=True):
+        wanted = np.sqrt(EDGES_PER_MM * lost_by_an_edge(share, skin))
+        assert found == pytest.approx(wanted, rel=SLANTED_EDGES)
 
 
 def test_albedo_that_comes_after_scattering_loses_nothing():
-    """It is read at its own size by whoever shows the bake; edges of light are all that is left."""
-    maps = SkinMaps(albedo={1001: speckled(0.4)})
-    (found,) = detail_lost(look(texturing={"mode": "post-scatter"}), quad(MM, MM), maps, SKIN)
-    assert found == pytest.approx(0.012 * 2 * MM / SIDE, rel=1e-3)
+    """It is read at its own size by whoever shows the bake; edges of shadows are all that is left."""
+    maps, spec = SkinMaps(albedo={1001: speckled(0.4)}), look(texturing={"mode": "post-scatter"})
+    found, edges = (detail_lost(spec, quad(MM, MM), each, SKIN)[0] for each in (maps, SkinMaps()))
+    assert found == pytest.approx(edges, rel=1e-3)
 
 
 def test_normals_count_alike_in_tangent_and_in_object_space():
@@ -125,18 +166,18 @@ def test_skin_that_varies_loses_what_its_own_lobes_show():
 def test_the_tolerance_decides():
     """The coarsest size within its part of the tolerance; what it loses is the decision's error."""
     mesh, maps = quad(MM, MM), SkinMaps(albedo={1001: speckled(0.4)})
-    (lost,) = detail_lost(look(), mesh, maps, SKIN)
-    above, below = (choose_size(look(t), mesh, maps, SKIN) for t in (lost / (SHARE - 0.01), lost / (SHARE + 0.01)))
-    assert above.size == (512, 512)
-    assert below.size == (1024, 1024)
-    assert not above.decision.enabled
-    assert below.decision.enabled
-    assert "1024 x 1024 of 1024 x 1024: 512 x 512 loses" in below.decision.why
+    lost, less = detail_lost(look(), mesh, maps, SKIN)
+    tolerances = (lost / (SHARE - 0.01), lost / (SHARE + 0.01), less / (SHARE + 0.01))
+    above, between, below = (choose_size(look(tolerance), mesh, maps, SKIN) for tolerance in tolerances)
+    assert [each.size for each in (above, between, below)] == [(512, 512), (768, 768), (1024, 1024)]
+    assert [each.decision.enabled for each in (above, between, below)] == [False, False, True]
+    assert "1024 x 1024 of 1024 x 1024: 768 x 768 loses" in below.decision.why
+    assert between.decision.why.index("768 x 768 loses") < between.decision.why.index("512 x 512 loses")
     worked = at_size(look(lost / (SHARE - 0.01)), above)
     assert worked.texture.size == (512, 512)
     assert worked.diffusion == look(lost / (SHARE - 0.01)).diffusion
     assert (above.decision.error, below.decision.error) == (round(above.lost, 6), 0.0)
-    assert at_size(look(lost / (SHARE + 0.01)), below) == look(lost / (SHARE + 0.01))
+    assert at_size(look(less / (SHARE + 0.01)), below) == look(less / (SHARE + 0.01))
 
 
 @pytest.mark.parametrize(
