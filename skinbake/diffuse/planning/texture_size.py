@@ -84,7 +84,7 @@ def choose_size(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
     asked, tolerance = spec.texture.size, spec.diffusion.tolerance
     if not may_be_reduced(spec):
         return TextureSize(asked)
-    patches, size, told, loss = _LitPatches(spec, mesh, maps, gaussians), asked, [], 0.0
+    patches, size, loss, told = _LitPatches(spec, mesh, maps, gaussians), asked, 0.0, list[str]()
     for share, coarser in coarser_sizes(asked).items():  # the coarsest that fits is taken: finer ones need no estimate
         lost = patches.lost(share)
         told.insert(0, f"{coarser[0]} x {coarser[1]} loses {lost:.2%}")
