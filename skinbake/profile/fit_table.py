@@ -16,7 +16,7 @@ from skinbake.profile.scaled import scaled_nodes
 from skinbake.profile.variable_projection import Fitter, shared_variances
 from skinbake.profile.varying_skin import Range
 from skinbake.profile.weight_table import WeightTable, even_nodes
-from skinbake.scene.skin import SkinSpec
+from skinbake.scene.skin import PhysiologySkin, SkinSpec
 
 NODES = {1: (33, 1), 2: (13, 7)}  # of a table, by its number of axes
 SEARCHED = {1: 5, 2: 2}  # nodes of an axis that variances are searched for; weights are found at all
@@ -44,6 +44,7 @@ class TableFitter:
         self, skin: SkinSpec, over: Mapping[str, Range], profile_of: Callable[[SkinSpec], DiffusionProfile]
     ) -> None:
         self.skin, self.names = skin, tuple(over)
+        self._mean = {name: each.mean for name, each in over.items()}
         counts = NODES[len(over)]
         ranges = [*over.values(), Range(0.0, 0.0, 0.0)][:2]
         self.nodes = tuple(even_nodes(each.low, each.high, n) for each, n in zip(ranges, counts, strict=True))
@@ -79,7 +80,24 @@ class TableFitter:
         halfway = [_halfway(values) for values in self.nodes]
         table = WeightTable(self.names, (self.nodes[0], self.nodes[1]), weight, error, error, constants)
         between = np.array([[self._error_between(table, variance_mm2, a, b) for b in halfway[1]] for a in halfway[0]])
-        return replace(table, between_rgb=between)
+        return replace(table, between_rgb=between, weight_rgb=weight * self._levels()[:, :, None])
+
+    def _levels(self) -> Float:
+        """Factors on the totals of the nodes, (K, J, 3): of a skin that says its medium and has its own colour."""
+        shape = (*map(len, self.nodes), 3)
+        if self.skin.normalise == "white" or not isinstance(self.skin, PhysiologySkin):
+            return np.ones(shape)
+        from skinbake.profile.medium_level import levels
+
+        where = [(a, b) for a in self.nodes[0] for b in self.nodes[1]]
+        skins = [self.skin.model_copy(update=self._values(a, b)) for a, b in where]
+        total = np.array([self._fitter(a, b).nodes.total for a, b in where])
+        mean = self.skin.model_copy(update=self._mean)
+        return levels(skins, total, mean, self._nodes_at(self._mean).total).reshape(shape)
+
+    def _values(self, a: float, b: float) -> dict[str, float]:
+        """Quantities at a node."""
+        return dict(zip(self.names, (float(a), float(b)), strict=False))
 
     def _normalised(self, weight: Float) -> Float:
         return safe_div(weight, weight.sum(axis=0)) if self.skin.normalise == "white" else weight
@@ -87,7 +105,7 @@ class TableFitter:
     def _error_between(self, table: WeightTable, variance_mm2: Float, a: float, b: float) -> Float:
         """Error of interpolated weights, (3,)."""
         fitter = self._fitter(a, b)
-        read = table.at(dict(zip(self.names, (a, b), strict=False)))[:, 0]
+        read = table.at(self._values(a, b))[:, 0]
         total = fitter.nodes.total if self.skin.normalise == "white" else 1.0
         value, _ = fitter.nodes.basis(variance_mm2)
         got = value * fitter.nodes.root_weight[:, None] @ (read * total)
@@ -98,7 +116,7 @@ class TableFitter:
         """The fitter of one node, made once."""
         key = (float(a), float(b))
         if key not in self._fitters:
-            values = dict(zip(self.names, key, strict=False))
+            values = self._values(a, b)
             fit = self.skin.fit
             try:
                 made = Fitter(self._nodes_at(values), exact_energy=fit.energy == "exact", signed=fit.signed)
