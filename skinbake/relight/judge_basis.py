@@ -35,7 +35,7 @@ from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
 AT_ONCE = 32  # lights in memory
-LIT_WITHIN = 0.01  # tolerance of their irradiance, between texels whose shadows are traced
+LIT_WITHIN = 0.0025  # tolerance of their irradiance, between texels whose shadows are traced
 
 
 class DirectBake(NamedTuple):
