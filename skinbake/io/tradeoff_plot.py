@@ -26,6 +26,8 @@ STYLES = {
     "model": ("s", "#555555"),
 }
 
+_NAME_POINTS = 7.5  # size of the names of points
+
 
 def write_chart(path: Path, title: str, rows: Sequence[Row], clock: str) -> None:
     """Write the chart; the right panel shows what terms and models change, where they were measured.
@@ -77,7 +79,6 @@ def _front(axes: Any, rows: Sequence[Row], clock: str) -> None:
         axes.step(
             [r.seconds for r in front], [r.rms for r in front], "-", where="post", color="black", lw=1.2, zorder=2
         )
-    _label(axes, front)
     for limit in LIMITS:
         axes.axhline(limit, color="0.8", lw=0.8, zorder=1)
         axes.annotate(
@@ -89,6 +90,7 @@ def _front(axes: Any, rows: Sequence[Row], clock: str) -> None:
     axes.set_xlabel(f"seconds of the whole bake, without preview ({clock})")
     axes.set_ylabel("rms error of the diffuse light at common points")
     _plain_ticks(axes, rows)
+    _label(axes, front)
     axes.legend(fontsize=8, loc="upper right", framealpha=0.9)
 
 
@@ -116,17 +118,35 @@ def _percent(axis: Any) -> None:
 
 
 def _label(axes: Any, front: Sequence[Row]) -> None:
-    """Name the front's points: below left of each, so that the line stays free; above right at the left edge."""
-    for i, row in enumerate(front):
-        at_edge = row.seconds < 1.6 * front[0].seconds
-        offset, across, along = (-6, -6 - 11 * (i % 2)), "right", "top"
-        if at_edge:
-            offset, across, along = (7, 8 + 21 * (i % 2)), "left", "bottom"
+    """Name the front's points: below left of each, so that the line stays free; above right at the left edge.
+
+    A name that would lie over one that stands already moves further off. The axes have their limits by now.
+    """
+    taken: list[tuple[float, float, float, float]] = []
+    to_points = 72 / axes.figure.dpi
+    for row in front:
+        text = f"{row.sweep}: {row.label}" if row.sweep != "look" else row.label
+        x, y = axes.transData.transform((row.seconds, row.rms)) * to_points
+        side = 1 if row.seconds < 1.6 * front[0].seconds else -1
+        dx, dy = (7.0, 8.0) if side > 0 else (-6.0, -6.0)
+        width = _NAME_POINTS * (1 + 0.58 * len(text))
+        while True:
+            left, low = (x + dx, y + dy) if side > 0 else (x + dx - width, y + dy - _NAME_POINTS)
+            box = (left, low, left + width, low + _NAME_POINTS)
+            if not any(_overlap(box, other) for other in taken):
+                break
+            dy += side * 1.5 * _NAME_POINTS
+        taken.append(box)
         axes.annotate(
-            f"{row.sweep}: {row.label}" if row.sweep != "look" else row.label, (row.seconds, row.rms),
-            offset, textcoords="offset points", ha=across, va=along, fontsize=7.5, parse_math=False,
+            text, (row.seconds, row.rms), (dx, dy), textcoords="offset points", ha="left" if side > 0 else "right",
+            va="bottom" if side > 0 else "top", fontsize=_NAME_POINTS, parse_math=False,
             arrowprops={"arrowstyle": "-", "lw": 0.5, "color": "0.5"}, zorder=4,
         )  # fmt: skip
+
+
+def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+    """Whether two boxes (left, low, right, high) have a point in common."""
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 def _bars(axes: Any, rows: Sequence[Row]) -> None:
