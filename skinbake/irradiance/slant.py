@@ -76,17 +76,46 @@ def slant_of_sky(slant: Slant, radiance: Image, rotate_deg: float) -> SkySlant:
     rotate_deg : float
     """
     directions, flux = SkySamples(radiance, rotate_deg).draw(DIRECTIONS)
-    cosine = np.maximum(octahedral_normals(CELLS) @ directions.astype(np.float64).T, 0)
-    nodes = np.linspace(0, 1, len(slant.factor_rgb))
-    factor, lit = np.empty((len(cosine), 3)), np.empty((len(cosine), 3))
-    for c in range(3):
-        weight = cosine * flux[:, c].astype(np.float64)
-        lit[:, c] = weight.sum(axis=1)
-        slanted = (weight * np.interp(cosine, nodes, slant.factor_rgb[:, c])).sum(axis=1)
-        factor[:, c] = np.where(lit[:, c] > 0, safe_div(slanted, lit[:, c]), slant.diffuse_rgb[c])
+    normals = octahedral_normals(CELLS)
+    sums = np.zeros((2, len(normals), 3))
+    sampled = directions.astype(np.float64), flux.astype(np.float64)
+    parallel_for(_sky_sums, len(normals), normals, *sampled, slant.factor_rgb, sums)
+    lit, slanted = sums
+    factor = np.where(lit > 0, safe_div(slanted, lit), slant.diffuse_rgb)
     whole = float((lit**2).sum())
     rms = float(np.sqrt(((lit * (factor - 1)) ** 2).sum() / whole)) if whole > 0 else 0.0
     return SkySlant(factor.reshape(CELLS + 1, CELLS + 1, 3).astype(np.float32), rms)
+
+
+@kernel
+def _sky_sums(first: int, stop: int, normals: Float, directions: Float, flux: Float, table: Float, sums: Float) -> None:
+    """Add up the irradiance of a sky's directions by normal, without and with the factor of each slant.
+
+    Parameters
+    ----------
+    first, stop : int
+        Of the normals.
+    normals : ndarray of shape (N, 3)
+    directions, flux : ndarrays of shape (D, 3)
+    table : ndarray of shape (n, 3)
+        Factor at cosines 0, 1/(n-1), ... 1.
+    sums : ndarray of shape (2, N, 3), changed in place
+    """
+    steps = len(table) - 1
+    for i in range(first, stop):
+        for k in range(len(directions)):
+            cosine = 0.0
+            for axis in range(3):
+                cosine += normals[i, axis] * directions[k, axis]
+            if cosine <= 0.0:
+                continue
+            place = min(cosine, 1.0) * steps
+            low = min(int(place), steps - 1)
+            part = place - low
+            for c in range(3):
+                weight = cosine * flux[k, c]
+                sums[0, i, c] += weight
+                sums[1, i, c] += weight * ((1.0 - part) * table[low, c] + part * table[low + 1, c])
 
 
 def slant_rms(slant: Slant, light: LightSpec, sky: SkySlant | None = None) -> float:
