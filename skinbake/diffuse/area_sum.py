@@ -32,7 +32,13 @@ def area_sum(tiles: Tiles, points: Tiled[TexelPoints]) -> Float:
 def _area_sums(first, stop, rgb, flat, area, blocks):  # type: ignore[no-untyped-def]
     """Fill the sums of each block of texels, (B, 3)."""
     for block in range(first, stop):
-        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(flat))):
-            for light in range(len(rgb)):
-                for c in range(3):
-                    blocks[block, c] += np.float64(area[i]) * rgb[light, flat[i], c]
+        begin, end = block * _BLOCK, min((block + 1) * _BLOCK, len(flat))
+        # Of light after light, in variables of their own: an array's elements would wait for one another in memory
+        red, green, blue = 0.0, 0.0, 0.0
+        for light in range(len(rgb)):
+            for i in range(begin, end):
+                at, mm2 = flat[i], np.float64(area[i])
+                red += mm2 * rgb[light, at, 0]
+                green += mm2 * rgb[light, at, 1]
+                blue += mm2 * rgb[light, at, 2]
+        blocks[block, 0], blocks[block, 1], blocks[block, 2] = red, green, blue
