@@ -1,7 +1,7 @@
 """What the steps of making a lobe cost, for methods to add up and `auto` to weigh.
 
-Seconds of the two-core machine that this was tuned on. Only their ratios matter: nothing is timed in a bake, so a plan
-is the same on every machine.
+Processor seconds of the two-core machine that this was tuned on. Only their ratios matter: nothing is timed in a bake,
+so a plan is the same on every machine.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from skinbake.diffuse.texture_space.blur import level_size
 
 # A texel, or a texel of each light where they multiply
 _WRITE = 7e-8
-_BLUR = 6.5e-9
-_PREDICT = 5e-9
-_SUM = 2.5e-8
+_BLUR, _BLUR_SIGMA = 7e-9, 4e-9  # the second times sigma in texels
+_PREDICT = 2e-8
+_LOOK = 8e-9  # whether a texel is to be summed
+_SUM = 4e-8
 _INTERPOLATE = 1.2e-8
 _RISK = 2e-8  # that a lobe left to texture space alone fails at probes which no plan saw: a second plan
 _PAIR = 1.6e-10  # a target and a source
@@ -39,14 +40,15 @@ def risk_cost(resources: LobeResources) -> float:
     return _RISK * texels(resources, 0) * _along(resources.lights)
 
 
-def blur_cost(resources: LobeResources, level: int) -> float:
+def blur_cost(resources: LobeResources, variance_mm2: float, level: int) -> float:
     """A blur in the texture at a stored size."""
-    return _BLUR * texels(resources, level) * resources.lights
+    sigma = np.sqrt(min(resources.geometry.variance_texels2(variance_mm2))) / 2**level
+    return float(_BLUR + _BLUR_SIGMA * sigma) * texels(resources, level) * resources.lights
 
 
 def predict_cost(resources: LobeResources, level: int) -> float:
-    """Predicting where such a blur is wrong."""
-    return _PREDICT * texels(resources, level) * _along(resources.lights)
+    """Predicting where such a blur is wrong, and looking for these texels, light by light."""
+    return (_PREDICT * _along(resources.lights) + _LOOK * resources.lights) * texels(resources, level)
 
 
 def interpolate_cost(resources: LobeResources) -> float:

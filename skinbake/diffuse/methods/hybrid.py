@@ -146,4 +146,4 @@ def _cost(
         )
         for each in (0.0, spacing)
     )
-    return blur_cost(resources, level) + predict_cost(resources, level) + cost, spacing
+    return blur_cost(resources, variance_mm2, level) + predict_cost(resources, level) + cost, spacing

@@ -57,9 +57,8 @@ class Texture(DiffusionMethod):
         """Each stored size that shows the lobe."""
         for level in trial.levels:
             read = read_blur(trial.texture_blur(level), trial.probes)
-            yield Proposal(
-                LobeParameters(trial.variance_mm2, level), blur_cost(trial.resources, level), read, tried=True
-            )
+            cost = blur_cost(trial.resources, trial.variance_mm2, level)
+            yield Proposal(LobeParameters(trial.variance_mm2, level), cost, read, tried=True)
 
     def needs(self, resources: LobeResources, lobe: LobeParameters) -> frozenset[Resource]:
         """The premultiplied images."""

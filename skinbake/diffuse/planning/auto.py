@@ -27,9 +27,10 @@ from skinbake.diffuse.methods import METHODS, REFERENCE, LobeParameters, LobePla
 from skinbake.diffuse.methods.costs import risk_cost, write_cost
 from skinbake.diffuse.methods.method import Trial
 from skinbake.diffuse.planning.judge import Judge
-from skinbake.diffuse.planning.rules import IDENTITY_TEXELS2, cluster_spacing
+from skinbake.diffuse.planning.rules import IDENTITY_TEXELS2, cluster_spacing, stored_level
 from skinbake.diffuse.planning.search import PEAK_SHARE, Candidate, search
 from skinbake.diffuse.probes import Probes, joined_probes
+from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.surface_space.clusters import contrast
 from skinbake.diffuse.texture_space.blur import widest_level
@@ -84,10 +85,11 @@ def plan_auto(
     # What each lobe should be at the probes, and what each candidate makes of it
     exact = [memoizer.at_probes(REFERENCE, LobeParameters(float(v)), probes) for v in gaussians.variance_mm2]
     resources.rest()
-    options = [
-        _candidates(memoizer, float(v), probes, want, precision == "half")
-        for v, want in zip(gaussians.variance_mm2, exact, strict=True)
-    ]
+    options, seen = list[list[Candidate]](), list[LobeResources]()
+    for variance, want in zip(gaussians.variance_mm2.tolist(), exact, strict=True):
+        of = memoizer.of_lobe(variance)
+        options.append(_candidates(of, variance, probes, want, precision == "half", of in seen))
+        seen.append(of)
 
     # Search; try the sums that were chosen; search again, until all that is chosen has been tried
     weight_rgb = weights.at_probes(probes)
@@ -107,18 +109,39 @@ def plan_auto(
     return plans, _decisions(plans, weight_rgb, judge, limit, [lobe.read for lobe in taken])
 
 
-def _candidates(memoizer: Memoizer, variance: float, probes: Probes, exact: Float, half: bool) -> list[Candidate]:
-    """What all methods propose, from the full size down."""
-    resources = memoizer.of_lobe(variance)
-    texels2 = resources.geometry.variance_texels2(variance)
-    blurs = min(texels2) >= IDENTITY_TEXELS2
-    levels = range(min(widest_level(texels2), MAX_LEVELS) + 1 if blurs else 0)
-    trial = Trial(resources, variance, levels, cluster_spacing(resources.spec.tolerance), probes, exact, half)
+def _candidates(
+    resources: LobeResources, variance: float, probes: Probes, exact: Float, half: bool, again: bool
+) -> list[Candidate]:
+    """What all methods propose, from the full size down.
+
+    Parameters
+    ----------
+    resources : LobeResources
+        What the lobe is made of.
+    variance : float
+        Of the lobe, mm^2.
+    probes : Probes
+    exact : ndarray of shape (P, 3 L)
+        The lobe at the probes.
+    half : bool
+        Whether files will hold binary16.
+    again : bool
+        Whether a narrower lobe is of the same light: unblurred both are one image, which is written once.
+    """
+    geometry, tolerance = resources.geometry, resources.spec.tolerance
+    texels2 = geometry.variance_texels2(variance)
+    widest = min(widest_level(texels2), MAX_LEVELS)
+    finest = max(each.bilinear_error for each in METHODS.values())
+    # Finer sizes than by rule no method needs
+    first = stored_level(finest, variance, geometry.mean_texel_mm2, tolerance, widest)
+    levels = range(first, widest + 1) if min(texels2) >= IDENTITY_TEXELS2 else range(0)
+    trial = Trial(resources, variance, levels, cluster_spacing(tolerance), probes, exact, half)
     judge = Judge(exact, probes.weight, len(probes))
     found = []
     for each in METHODS.values():
         for parameters, cost, read, tried in each.candidates(trial):
-            cost += write_cost(resources, parameters.level)
+            if each.blurs or not again:
+                cost += write_cost(resources, parameters.level)
             if each.misses_unseen:
                 cost += risk_cost(resources)
             found.append(Candidate(each, parameters, cost, read, judge.rms(read - exact), tried))

@@ -84,15 +84,19 @@ def choose_size(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
     asked, tolerance = spec.texture.size, spec.diffusion.tolerance
     if not may_be_reduced(spec):
         return TextureSize(asked)
-    patches, size, loss, told = _LitPatches(spec, mesh, maps, gaussians), asked, 0.0, list[str]()
-    for share, coarser in coarser_sizes(asked).items():  # the coarsest that fits is taken: finer ones need no estimate
+    patches, size, loss, told = _LitPatches(spec, mesh, maps, gaussians), asked, 0.0, dict[Fraction, str]()
+    left = list(coarser_sizes(asked).items())
+    while left:  # from the middle on: a coarser size loses more, and a finer one less
+        share, coarser = left[len(left) // 2]
         lost = patches.lost(share)
-        told.insert(0, f"{coarser[0]} x {coarser[1]} loses {lost:.2%}")
-        if lost <= SHARE * tolerance:
+        told[share] = f"{coarser[0]} x {coarser[1]} loses {lost:.2%}"
+        fits = lost <= SHARE * tolerance
+        if fits:
             size, loss = coarser, lost
-            break
+        left = [each for each in left if (each[0] < share if fits else each[0] > share)]
+    sizes = ", ".join(told[share] for share in sorted(told, reverse=True))
     why = (
-        f"auto: {size[0]} x {size[1]} of {asked[0]} x {asked[1]}: {', '.join(told)}, tolerance {tolerance:.2%}; "
+        f"auto: {size[0]} x {size[1]} of {asked[0]} x {asked[1]}: {sizes}, tolerance {tolerance:.2%}; "
         "`texture.reduce: off` keeps the size"
     )
     how = f"{size[0]} x {size[1]}" + (f" of {asked[0]} x {asked[1]}" if size != asked else "")
@@ -286,10 +290,11 @@ def _read(images: Tiled[NDArray[np.float32]], spec: SceneSpec, patches: _Patches
         image, place = shrink(image, (height, width)), patches.place[:, :, mine]
         if image.shape[:2] == (height, width):  # each is read as it is
             row, column = np.moveaxis((place * (height, width)).astype(np.int64), -1, 0)
-            out[:, :, mine] = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+            flat = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
+            out[:, :, mine] = image.reshape(-1, out.shape[-1]).take(flat, axis=0)
         else:
-            flat = read_bilinear(image[None], place.reshape(-1, 2))
-            out[:, :, mine] = flat.reshape(*place.shape[:3], -1)
+            read = read_bilinear(image[None], place.reshape(-1, 2))
+            out[:, :, mine] = read.reshape(*place.shape[:3], -1)
     return out
 
 
