@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from skinbake.atlas import Tiles
-from skinbake.diffuse.methods.costs import blur_cost, predict_cost, sources_cost, sum_cost, texels
+from skinbake.diffuse.methods.costs import blur_cost, predict_cost, sources_cost, sum_cost, sums_cost, texels
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal, Trial
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
@@ -103,9 +103,12 @@ class Hybrid(DiffusionMethod):
         return out
 
     def candidates(self, trial: Trial) -> Iterator[Proposal]:
-        """Each stored size that shows the lobe, with each of a few thresholds."""
+        """Each stored size that shows the lobe, with each of a few thresholds, unless all sums are as cheap."""
         resources, variance, tolerance = trial.resources, trial.variance_mm2, trial.resources.spec.tolerance
         for level in trial.levels:
+            least, _ = _cost(resources, variance, level, trial.spacing, 0.0)
+            if least >= sums_cost(resources, variance, level, trial.spacing):
+                continue
             around = trial.texture_blur(level)
             blurred = read_blur(around, trial.probes)
             for loose in LOOSE:

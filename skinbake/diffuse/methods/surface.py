@@ -19,7 +19,7 @@ import numpy as np
 
 from skinbake.atlas import Tiles
 from skinbake.bilinear import bilinear_texels
-from skinbake.diffuse.methods.costs import interpolate_cost, sources_cost, sum_cost, texels
+from skinbake.diffuse.methods.costs import sums_cost
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters, Proposal, Trial
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
@@ -27,8 +27,6 @@ from skinbake.diffuse.surface_space.gather import gather
 from skinbake.diffuse.surface_space.surface_sums import surface_sums
 from skinbake.diffuse.surface_space.upsample import interpolate_smooth
 from skinbake.numerics import Float
-
-_SUMMED = (1.0, 0.12, 0.04)  # share of texels that is not interpolated, from the first size summed on
 
 
 class Surface(DiffusionMethod):
@@ -106,21 +104,10 @@ class Surface(DiffusionMethod):
         """Each stored size that shows the lobe; untried, as sums cost the most to try and are the most exact."""
         for level in trial.levels:
             lobe = LobeParameters(trial.variance_mm2, level, trial.spacing)
-            yield Proposal(lobe, _cost(trial.resources, lobe), trial.exact, tried=False)
+            cost = sums_cost(trial.resources, trial.variance_mm2, level, trial.spacing)
+            yield Proposal(lobe, cost, trial.exact, tried=False)
 
     def needs(self, resources: LobeResources, lobe: LobeParameters) -> frozenset[Resource]:
         """Single texels for the sums of a narrow lobe."""
         sums_texels = resources.sums_texels(lobe.variance_mm2, lobe.spacing)
         return frozenset({Resource.TEXELS}) if sums_texels else frozenset()
-
-
-def _cost(resources: LobeResources, lobe: LobeParameters) -> float:
-    """Surface sums, interpolated from smaller sizes as far as that is done."""
-    variance, level, spacing, _ = lobe
-    cost, first = sources_cost(resources, variance, spacing), level
-    while resources.interpolates(variance, first):
-        first += 1
-    for finer, summed in zip(range(first, level - 1, -1), (*_SUMMED, *(_SUMMED[-1],) * first), strict=False):
-        each = summed * sum_cost(resources, variance, finer, spacing, resources.lights)
-        cost += texels(resources, finer) * (each + interpolate_cost(resources))
-    return cost
