@@ -64,9 +64,8 @@ def write_parts(
         For every part's header.
     precision : "half" or "float"
     compression : "none", "rle", "zips", "zip", "piz", "htj2k" or "auto"
-        "auto" is "zip", which is packed by a kernel of ours: a lobe of three lights at 2048 x 2048 in .34 s of a
-        processor where "piz" takes 1.0 to 1.2, and in as many bytes within 6 %; floats in .8 s where the library's own
-        "zip" takes 2.3, in 6 % more bytes. "htj2k" takes .6 s for such a lobe and .6 to .8 of its bytes.
+        "auto" is "piz" for halves, in 0.6 of the time of "zip" and smaller by 4 %, and "zip" for floats, in 0.5 of that
+        of "piz". "htj2k" takes 0.4 to 0.5 of the time of either, and 0.65 to 0.75 of the room.
 
     Raises
     ------
@@ -77,25 +76,18 @@ def write_parts(
     """
     import OpenEXR
 
-    codec = _codec(compression)
-    ours = codec == OpenEXR.ZIP_COMPRESSION
-    made, images = [], []
+    codec = _codec(compression, precision)
+    made = []
     for part in parts:
         header = {"chromaticities": REC709, "oiio:ColorSpace": "lin_rec709", **(attributes or {}), **part.attributes}
         header |= {"type": OpenEXR.scanlineimage, "compression": codec}
         stored = [_stored(path, part.name, names, values, precision) for names, values in part.channels.items()]
-        images.append({name: values for some in stored for name, values in some.items()})
-        first = {name: values[:1] for name, values in images[-1].items()}
-        made.append(OpenEXR.Part(header, first if ours else images[-1], part.name))
+        made.append(OpenEXR.Part(header, {name: values for some in stored for name, values in some.items()}, part.name))
     threads = thread_count()
     OpenEXR.set_global_thread_count(threads if threads > 1 else 0)  # one would only be waited for
     with atomic_write(path) as temporary:
         try:
             OpenEXR.File(made).write(str(temporary))
-            if ours:
-                from skinbake.io.exr_zip import fill_with_zip  # who only reads compiles nothing
-
-                fill_with_zip(temporary, images)
         except RuntimeError as error:
             raise system_error(temporary, str(error)) from error
 
@@ -109,10 +101,10 @@ def require_codec(compression: str) -> None:
         This machine's OpenEXR is too old.
     """
     if compression == "htj2k":  # the others are in every one of them
-        _codec(compression)
+        _codec(compression, "half")
 
 
-def _codec(compression: str) -> Any:
+def _codec(compression: str, precision: str) -> Any:
     """OpenEXR's own name of it.
 
     Raises
@@ -122,7 +114,9 @@ def _codec(compression: str) -> Any:
     """
     import OpenEXR
 
-    name = {"auto": "ZIP", "none": "NO", "htj2k": "HTJ2K256"}.get(compression, compression.upper())
+    if compression == "auto":
+        compression = "piz" if precision == "half" else "zip"
+    name = {"none": "NO", "htj2k": "HTJ2K256"}.get(compression, compression.upper())
     codec = getattr(OpenEXR, f"{name}_COMPRESSION", None)
     if codec is None:
         raise InputError(

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from skinbake.io.atomic import atomic_write
-from skinbake.io.exr_header import encoded, offsets_of, read_headers
+
+_BEGIN = 8  # bytes of the magic number, the version and its flags
+_MANY_PARTS = 0x1000
+_OFFSET = struct.Struct("<Q")
+_SIZE = struct.Struct("<i")
 
 
 def copy_parts(source: Path, path: Path, attributes: Mapping[str, str | float | list[float]]) -> bool:
@@ -38,16 +41,76 @@ def copy_parts(source: Path, path: Path, attributes: Mapping[str, str | float | 
     """
     content = source.read_bytes()
     try:
-        headers = read_headers(content)
-        offsets = offsets_of(content, headers.end)
-    except (struct.error, ValueError, IndexError):
+        parts, end = _headers(content)
+        changed = b"".join(_header(part | {name: _encoded(value) for name, value in attributes.items()})
+                           for part in parts) + (b"\0" if _has_many(content) else b"")  # fmt: skip
+        offsets = _offsets(content, end)
+    except (struct.error, ValueError):
         return False
-    new = {name: encoded(value) for name, value in attributes.items()}
-    begin = replace(headers, parts=[{**part, **new} for part in headers.parts]).encoded()
-    moved = len(begin) - headers.end
-    table = struct.pack(f"<{len(offsets)}Q", *(offset + moved for offset in offsets))
+    moved = len(changed) - (end - _BEGIN)
     with atomic_write(path) as temporary, open(temporary, "wb") as file:
-        file.write(begin)
-        file.write(table)
-        file.write(memoryview(content)[headers.end + len(table) :])
+        file.write(content[:_BEGIN])
+        file.write(changed)
+        file.write(struct.pack(f"<{len(offsets)}Q", *(offset + moved for offset in offsets)))
+        file.write(memoryview(content)[end + _OFFSET.size * len(offsets) :])
     return True
+
+
+def _has_many(content: bytes) -> bool:
+    """Whether the file's flags say that it has several parts."""
+    return bool(_SIZE.unpack_from(content, 4)[0] & _MANY_PARTS)
+
+
+def _headers(content: bytes) -> tuple[list[dict[str, tuple[bytes, bytes]]], int]:
+    """Type and value of each attribute of each part, and where the headers end."""
+    parts: list[dict[str, tuple[bytes, bytes]]] = []
+    at = _BEGIN
+    while content[at]:  # an empty header ends those of many parts
+        part: dict[str, tuple[bytes, bytes]] = {}
+        while content[at]:
+            name_end = content.index(0, at)
+            kind_end = content.index(0, name_end + 1)
+            begin = kind_end + 1 + _SIZE.size
+            stop = begin + _SIZE.unpack_from(content, kind_end + 1)[0]
+            part[content[at:name_end].decode()] = content[name_end + 1 : kind_end], content[begin:stop]
+            at = stop
+        at += 1
+        parts.append(part)
+        if not _has_many(content):
+            return parts, at
+    return parts, at + 1
+
+
+def _header(part: Mapping[str, tuple[bytes, bytes]]) -> bytes:
+    """A part's header; the library writes attributes in the order of their names."""
+    written = [
+        name.encode() + b"\0" + kind + b"\0" + _SIZE.pack(len(value)) + value
+        for name, (kind, value) in sorted(part.items(), key=lambda item: item[0].encode())
+    ]
+    return b"".join(written) + b"\0"
+
+
+def _encoded(value: str | float | list[float]) -> tuple[bytes, bytes]:
+    """Type and value of an attribute as the library writes it."""
+    if isinstance(value, str):
+        return b"string", value.encode()
+    if isinstance(value, list):
+        return b"floatvector", struct.pack(f"<{len(value)}f", *value)
+    return b"float", struct.pack("<f", value)
+
+
+def _offsets(content: bytes, end: int) -> tuple[int, ...]:
+    """Where each block of rows lies: the table goes on to the first one of them.
+
+    Raises
+    ------
+    ValueError
+        It does not, or a block lies outside the file.
+    """
+    count, rest = divmod(_OFFSET.unpack_from(content, end)[0] - end, _OFFSET.size)
+    if rest or count <= 0:
+        raise ValueError("expected the first block behind the table")
+    offsets: tuple[int, ...] = struct.unpack_from(f"<{count}Q", content, end)
+    if min(offsets) != offsets[0] or max(offsets) >= len(content):
+        raise ValueError("expected blocks within the file")
+    return offsets
