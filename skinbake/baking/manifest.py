@@ -103,7 +103,10 @@ def manifest_of(inputs: BakeInputs, results: FolderStore, log: StageLog, baked: 
         "texturing": spec.texturing.model_dump(),
         "terms": {
             "energy_conservation": baked.decisions.energy_conservation.enabled,
-            **{term: kept_of_any_light(baked.of_lights, term) for term in ("incidence", "beam", "interreflection")},
+            **{
+                term: kept_of_any_light(baked.of_lights, term)
+                for term in ("incidence", "beam", "interreflection", "diffuse_profile")
+            },
             "curvature": any(line.term == "curvature" and line.enabled for line in baked.of_lights),
             "transmission": any(lobe.transmitted for lobe in baked.diffuse.lobes),
         },

@@ -14,7 +14,7 @@ from skinbake.scene.decision import Decision
 
 HEAD = ("what", "how", "seconds", "error")
 _SIZES = {1: "full size", 2: "half size", 4: "a quarter of the size", 8: "an eighth of the size"}
-_TERMS = ("incidence", "beam", "curvature", "interreflection")
+_TERMS = ("incidence", "beam", "curvature", "interreflection", "diffuse_profile")
 
 
 class Row(NamedTuple):

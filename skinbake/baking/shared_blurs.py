@@ -22,6 +22,8 @@ from skinbake.io.table import read_profile_csv
 from skinbake.irradiance.slant import Slant, slant_difference, slant_of
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum, fit_skin
+from skinbake.profile.diffuse_shape import diffuse_factors
+from skinbake.profile.effective_medium import one_layer
 from skinbake.profile.fit_onto import fit_onto
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
 from skinbake.scene.maps import OF_SKIN
@@ -163,6 +165,16 @@ def _other_light(spec: SceneSpec, fit: GaussianSum, base: BlurBase, limit: float
                 return f"beam: skin.eta is another than of {base.look}"
             if off > limit:
                 return _beyond("beam: free paths differ", off, limit)
+    if terms.diffuse_profile == "on" and not same:
+        layers = one_layer(medium, fit), one_layer(base.medium, base.gaussians)
+        if isinstance(layers[0], str) or isinstance(layers[1], str):
+            neither = isinstance(layers[0], str) and isinstance(layers[1], str)
+            return "" if neither else f"diffuse_profile: {_known(medium, base.look)}"
+        weight = base.gaussians.weight_rgb
+        ours, theirs = diffuse_factors(fit, layers[0]), diffuse_factors(base.gaussians, layers[1])
+        off = float((np.abs(weight * (ours - theirs)).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)).max())
+        if off > limit:
+            return _beyond("diffuse_profile: lobes weigh otherwise", off, limit)
     return ""
 
 

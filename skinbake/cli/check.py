@@ -242,7 +242,7 @@ def expected(
     from skinbake.diffuse.memory import LOADED_BYTES, memory_needed_bytes
     from skinbake.diffuse.methods import METHODS
     from skinbake.diffuse.planning.rules import stored_level
-    from skinbake.diffuse.scatter import may_shift_light
+    from skinbake.diffuse.scatter import other_lights
     from skinbake.diffuse.terms.thin_parts import transmitted_level
     from skinbake.io.mesh.unwrap import unwrap_seconds
     from skinbake.io.user_cache import user_cache
@@ -275,9 +275,9 @@ def expected(
         irradiance = packed * 4 * (0.31 * bright + 0.21 * dark)
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
     # Lights stored summed are blurred summed; drawn are the sum of each lobe, and maps and irradiance as they are
-    separate, beam = 1 if summed else lights, may_shift_light(spec)
+    separate, others = 1 if summed else lights, other_lights(spec)
     look = looking(spec, budget, work)[0]
-    needed = memory_needed_bytes(spec.texture.size, separate, tiles, beam=beam, on_disk=True, looking=look) / 2**20
+    needed = memory_needed_bytes(spec.texture.size, separate, tiles, others=others, on_disk=True, looking=look) / 2**20
     needed = max(needed, images_mib + picture_bytes(spec.texture.size, lights, tiles) / 2**20)
     needed = needed if lights else images_mib
     relight = {}

@@ -84,6 +84,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     from skinbake.baking.incidence_table import incidence_table
     from skinbake.diffuse.draw_probes import draw_probes
     from skinbake.diffuse.light_entering import light_entering
+    from skinbake.diffuse.memoize import Memoizer
     from skinbake.diffuse.methods import REFERENCE, LobeParameters
     from skinbake.diffuse.probes import Probes, read_at_probes
     from skinbake.diffuse.resources import LobeResources
@@ -96,6 +97,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     from skinbake.profile import fit_skin
     from skinbake.profile.skin_medium import skin_medium
     from skinbake.profile.varying_skin import mean_skin, ranges_of
+    from skinbake.scene.decision import TOTAL_LIGHT
 
     scene = read_scene(spec)
     path = getattr(spec.skin, "path", None)
@@ -106,17 +108,21 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     irradiance = light_skin(spec, decisions, scene, atlas)
     incidence = incidence_table(medium) if medium.layers and spec.terms.incidence != "off" else None
     entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
-    source, of_wide = (
-        {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in light.items()}
-        for light in (entering.rgb, entering.beam.rgb if entering.beam else {})
+    source, of_wide, of_everywhere = (
+        {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in light.rgb.items()} if light else {}
+        for light in (entering, entering.beam, entering.everywhere)
     )
     wide_mm2 = entering.beam.narrowest_mm2 if entering.beam else np.inf
+    everywhere = entering.everywhere and entering.everywhere._replace(rgb=of_everywhere)
     del irradiance, entering
     geometry = SkinGeometry(atlas, scene.mesh)
     skin = VaryingSkin.of(gaussians, scene.maps, atlas)
     share = skin.share if skin else None
-    resources = LobeResources(source, geometry, spec.diffusion, share)
-    resources_of_wide = LobeResources(of_wide, geometry, spec.diffusion, share) if of_wide else resources
+    resources, resources_of_wide = (
+        LobeResources(light, geometry, spec.diffusion, share) if light else None for light in (source, of_wide)
+    )
+    assert resources is not None
+    memoizer = Memoizer(resources, (TOTAL_LIGHT,), None, resources_of_wide, wide_mm2, everywhere)
     if at is None:
         probes = draw_probes(geometry, count, spec.output.seed)
         at = _probed(geometry, probes)
@@ -133,7 +139,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     weights = SkinWeights.of(gaussians, scene.maps).at_probes(probes)
     for variance, weight in zip(gaussians.variance_mm2, weights, strict=True):
         lobe = LobeParameters(float(variance))
-        blurred = resources_of_wide if variance >= wide_mm2 else resources
+        blurred = memoizer.of_lobe(float(variance))
         # Probes of another size have no texel of their own to read where there is no blur
         read = REFERENCE.at_probes(blurred, lobe, probes) if variance > 0 else read_at_probes(source, probes)
         total += weight * read

@@ -13,7 +13,7 @@ from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.draw_probes import VERIFY, VERIFY_AGAIN, draw_probes
 from skinbake.diffuse.make_lobes import make_lobes
-from skinbake.diffuse.memoize import Memoize, Memoizer
+from skinbake.diffuse.memoize import LobeLight, Memoize, Memoizer
 from skinbake.diffuse.memory import check_memory
 from skinbake.diffuse.methods import LobePlan, method_asked_for
 from skinbake.diffuse.notices import advice, squeezed_skin
@@ -24,6 +24,7 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
 from skinbake.diffuse.terms.beam import BeamLight
+from skinbake.diffuse.terms.diffuse_profile import EverywhereLight
 from skinbake.machine import return_freed
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
@@ -49,6 +50,7 @@ def diffuse(
     skin: VaryingSkin | None = None,
     plan_for: GaussianSum | None = None,
     aside: Aside = IN_MEMORY,
+    everywhere: EverywhereLight | None = None,
 ) -> DiffuseMap:
     """Blur light by each Gaussian and measure the error of the sum.
 
@@ -80,6 +82,8 @@ def diffuse(
         Of the same variances: what the first plan takes for the profile, which is then judged by `gaussians`.
     aside : Aside, optional
         Where lobes stand as soon as they are made and measured, and what they are made of while it is not read.
+    everywhere : EverywhereLight, optional
+        The part of the light that each lobe takes times a factor of its own.
 
     Returns
     -------
@@ -102,22 +106,25 @@ def diffuse(
     # Check, and scale what float32 could not sum
     fixed = method_asked_for(spec.method, spec.normalise)
     tiles = checked_source(source, lights, atlas)
-    lobes, shifted = len(gaussians.variance_mm2), beam is not None
-    check_memory(atlas[0].shape, len(lights), len(atlas), lobes, spec.method, shifted, aside.on_disk)
+    lobes, others = len(gaussians.variance_mm2), (beam is not None) + (everywhere is not None)
+    check_memory(atlas[0].shape, len(lights), len(atlas), lobes, spec.method, others, aside.on_disk)
     scaled, exponents = scaled_source(tiles)
     geometry = SkinGeometry(atlas, mesh, aside)
     weights = skin.weights if skin else SkinWeights.of(gaussians, SkinMaps())
     share = skin.share if skin else None
-    memoizer = Memoizer(LobeResources(scaled, geometry, spec, share, aside), lights, remember)
-    if beam is not None:
-        further = scaled_by(checked_source(beam.rgb, lights, atlas), exponents)
-        memoizer = Memoizer(
-            memoizer.resources,
-            lights,
-            remember,
-            LobeResources(further, geometry, spec, share, aside),
-            beam.narrowest_mm2,
-        )
+    resources = LobeResources(scaled, geometry, spec, share, aside)
+
+    def as_scaled(other: Tiles) -> Tiles:
+        return scaled_by(checked_source(other, lights, atlas), exponents)
+
+    memoizer = Memoizer(
+        resources,
+        lights,
+        remember,
+        LobeResources(as_scaled(beam.rgb), geometry, spec, share, aside) if beam else None,
+        beam.narrowest_mm2 if beam else np.inf,
+        everywhere and everywhere._replace(rgb=as_scaled(everywhere.rgb)),
+    )
 
     # Plan
     if fixed is None:
@@ -133,11 +140,11 @@ def diffuse(
     probes = draw_probes(geometry, spec.probes, seed, VERIFY)
     arrives = area_sum(scaled, geometry.points)
 
-    unblurred: dict[int, Lobe] = {}  # by the light that they are: the same for most of them
+    unblurred: dict[LobeLight, Lobe] = {}  # by the light that they are: the same for most of them
 
     def finish(number: int, tiles: Tiles) -> Lobe:
         plan, weight = plans[number], gaussians.weight_rgb[number]
-        light = id(next(iter(tiles.values())))
+        light = memoizer.light_of(plan.parameters.variance_mm2)
         if not plan.method.blurs and light in unblurred:
             return _weighed(unblurred[light], plan, weight)
         made = aside.lobe(_lobe(plan, weight, tiles, geometry, arrives, exponents))

@@ -7,20 +7,28 @@ face make of it begins here, light by light, so that each stays linear in its li
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, sample_map
+from skinbake.diffuse.add_bounces import add_bounces
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.terms.beam import BeamLight, decide_beams, free_path_of, has_beam, narrowest_mm2
-from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
+from skinbake.diffuse.terms.bounced_light import SkinLight
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin, formed_already
-from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
-from skinbake.diffuse.terms.skin_view import SkinView, look_around
+from skinbake.diffuse.terms.diffuse_profile import (
+    LEAST_LEFT,
+    TERM,
+    DiffuseProfile,
+    EverywhereLight,
+    layer_of_profile,
+)
+from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.oil_albedo import mean_specular_albedo, oil_table
@@ -71,6 +79,8 @@ class LightEntering:
         What curvature makes of the lobes, where that is counted.
     skin_light : SkinLight, optional
         How skin lights skin, where that is counted.
+    everywhere : EverywhereLight, optional
+        What of `rgb` comes from everywhere, where its lobes weigh otherwise.
     """
 
     names: tuple[str, ...]
@@ -81,6 +91,7 @@ class LightEntering:
     plan: tuple[Decision, ...]
     curved: CurvedSkin | None = None
     skin_light: SkinLight | None = None
+    everywhere: EverywhereLight | None = None
 
     def digests(self) -> dict[str, str]:
         """Digest of each light by name: the same light gives the same lobes, whatever it was made of."""
@@ -91,6 +102,11 @@ class LightEntering:
                 for tile, rgb in images.items():
                     digest.update(f"{tile} {rgb[i].shape}".encode())
                     digest.update(np.ascontiguousarray(rgb[i]).data)
+            if self.everywhere and any(rgb[i].any() for rgb in self.everywhere.rgb.values()):
+                digest.update(self.everywhere.factor.tobytes())
+                for tile, rgb in self.everywhere.rgb.items():
+                    digest.update(np.ascontiguousarray(rgb[i]).data)
+                    digest.update(np.ascontiguousarray(self.everywhere.gain[tile]).data)
             found[name] = digest.hexdigest()
         return found
 
@@ -107,7 +123,7 @@ def light_entering(
     aside: Aside = IN_MEMORY,
     view: SkinView | None = None,
 ) -> LightEntering:
-    """Irradiance with the terms `incidence`, `beam` and `interreflection`, times albedo^x; theory.md 9.5 to 9.7.
+    """Irradiance with the terms `incidence`, `beam`, `interreflection`, `diffuse_profile`, times albedo^x; theory.md 9.
 
     Parameters
     ----------
@@ -151,6 +167,16 @@ def light_entering(
     plan += [*lines, line]
     light, further = {}, {}
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
+
+    def arrive(raster: AtlasRaster, normal: Image, tile: IrradianceMap, name: str, image: Image) -> None:
+        np.copyto(image, tile.rgb[tile.lights.index(name)])
+        if name in slanted:
+            assert slant is not None
+            apply_slant(raster, normal, scene.occluder, _named(spec, name), slant, skies.get(name), image)
+
+    places = [i if decisions.separate_lights else 0 for i in range(len(names))]
+    layer = layer_of_profile(spec.skin, medium, gaussians) if terms.diffuse_profile != "off" else ""
+    shape = None if isinstance(layer, str) else DiffuseProfile(gaussians, layer, atlas, places[-1] + 1, curved)
     for k, (raster, tile) in enumerate(zip(atlas, irradiance, strict=True)):
         normal = np.zeros((1, 1, 3), np.float32)
         if turned:
@@ -159,18 +185,16 @@ def light_entering(
         moved = aside.zeros(out.shape, np.float32) if shifted else None
         image = np.empty((*raster.shape, 3), np.float32)
         for i, name in enumerate(names):
-            np.copyto(image, tile.rgb[i])
-            if name in slanted:
-                assert slant is not None
-                apply_slant(raster, normal, scene.occluder, _named(spec, name), slant, skies.get(name), image)
+            arrive(raster, normal, tile, name, image)
             # Blurring is linear: what is stored summed is blurred summed
-            place = i if decisions.separate_lights else 0
-            out[place] += image
+            out[places[i]] += image
+            if shape and not _named(spec, name).everywhere:
+                shape.add_lamp(raster.tile, places[i], image)
             if moved is not None and name in shifted:
                 image *= albedo[k] if exponent == 1 else albedo[k] ** exponent
                 upstream = shifts[k].read(_named(spec, name), image)
                 upstream -= image
-                moved[place] += upstream
+                moved[places[i]] += upstream
                 del upstream
         light[raster.tile] = out
         if moved is not None:
@@ -185,26 +209,53 @@ def light_entering(
     gain = {name: entering_again(spec, decisions, slant if name in counted else None) for name in names}
     # What of a light is left out already; of lights that are stored summed, each may be the only one
     held = {name: (name,) if decisions.separate_lights else irradiance[0].lights for name in names}
-    limits = [min(budget.terms_left(of, left_wrong(plan, (of,), 0.0)) for of in held[name]) for name in names]
+
+    def left(name: str) -> float:
+        return min(budget.terms_left(of, left_wrong(plan, (of, name), 0.0)) for of in held[name])
+
+    limits = [left(name) for name in names]
     weights = SkinWeights.of(gaussians, scene.maps)
     reflected = [
         _product(a, weights.total_image(r.tile, r.shape, aside.zeros), aside.zeros)
         for a, r in zip(albedo, atlas, strict=True)
     ]
-    lines, skin_light = _bounce(spec, scene, atlas, names, light, reflected, gain, limits, view)
+    lines, skin_light = add_bounces(spec, scene, atlas, names, light, reflected, gain, limits, view)
     plan += lines
     del reflected
+    everywhere = None
+    if shape:
+        least = LEAST_LEFT * budget.tolerance
+        lines = shape.decide(light, names, terms.diffuse_profile, [max(left(name), least) for name in names])
+        kept = [i for i, line in enumerate(lines) if line.enabled]
+
+        def lamps(k: int) -> Iterator[tuple[int, Image]]:
+            raster, tile = atlas[k], irradiance[k]
+            normal = shading_normals(raster, scene.mesh, scene.maps, aside.zeros)[1]
+            image = np.empty((*raster.shape, 3), np.float32)
+            for place, name in zip(places, tile.lights, strict=True):
+                if place in kept and not _named(spec, name).everywhere:
+                    arrive(raster, normal, tile, name, image)
+                    yield place, image
+
+        everywhere = shape.light(light, kept, lamps, aside.zeros) if kept else None
+    else:
+        why = f"{terms.diffuse_profile}: {layer}" if layer else "off"
+        lines = [Decision(TERM, False, why)]
+    plan += lines
 
     total = np.sum([_area_sum(r.area_mm2, colour) for r, colour in zip(atlas, albedo, strict=True)], axis=0)
     for (tile_number, rgb), colour in zip(light.items(), albedo, strict=True):
-        rgb *= colour if exponent == 1 else colour**exponent
+        for images in [rgb] if everywhere is None else [rgb, everywhere.rgb[tile_number]]:
+            images *= colour if exponent == 1 else colour**exponent
         if tile_number in further:
             further[tile_number] += rgb
             np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
     free_path = free_path_of(medium, gaussians)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
     mean_albedo = total / sum(np.sum(raster.area_mm2) for raster in atlas)
-    return LightEntering(names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), curved, skin_light)
+    return LightEntering(
+        names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), curved, skin_light, everywhere
+    )
 
 
 def _product(one: Image, other: Image, zeros: Zeros) -> Image:
@@ -285,86 +336,6 @@ def entering_again(spec: SceneSpec, decisions: Decisions, slant: Slant | None) -
         share = float(np.clip(1 - oil.strength * mean_specular_albedo(oil.roughness, oil.f0, oil_table(oil)), 0, 1))
     factor = slant.diffuse_rgb if slant else np.ones(3)
     return (share * factor).astype(np.float32)
-
-
-def _bounce(
-    spec: SceneSpec,
-    scene: SceneData,
-    atlas: Atlas,
-    names: tuple[str, ...],
-    light: dict[int, Image],
-    reflected: list[Image],
-    gain: dict[str, Image],
-    limits: list[float],
-    view: SkinView | None,
-) -> tuple[list[Decision], SkinLight | None]:
-    """Add to each light what skin sends on to skin, where that is worth it; the plan's lines, and how that was done.
-
-    Parameters
-    ----------
-    spec : SceneSpec
-    scene : SceneData
-    atlas : Atlas
-    names : tuple of L str
-    light : dict of int to ndarray of shape (L, H, W, 3), changed in place
-        Irradiance, by tile.
-    reflected : list of ndarray of shape (H, W, 3) or (1, 1, 3)
-        What of it leaves as M, by tile.
-    gain : dict of str to ndarray of shape (3,)
-        By light, what of light from skin counts where it enters.
-    limits : list of L float
-        What may be left out of each light.
-    view : SkinView, optional
-        Where it was looked around already.
-    """
-    terms, udim = spec.terms, spec.texture.udim
-    if terms.interreflection == "off":
-        return [Decision("interreflection", False, "off")], None
-    mean_gain = np.mean(list(gain.values()), axis=0)
-    lines, bounced = decide_interreflection(
-        scene.mesh,
-        scene.occluder,
-        names,
-        list(light.values()),
-        reflected,
-        atlas,
-        udim,
-        terms.interreflection,
-        limits,
-        mean_gain,
-    )
-    if not any(line.enabled for line in lines):
-        return lines, None
-    kept = [i for i, line in enumerate(lines) if line.enabled]
-    taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
-    view = view or look_around(
-        scene.mesh,
-        scene.occluder,
-        spec.texture.size,
-        spec.texture.gutter,
-        udim,
-        taken.width_mm,
-        taken.rays,
-        taken.with_neighbours,
-    )
-    seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
-    bounces = {}
-    for i, (name, line) in enumerate(zip(names, lines, strict=True)):
-        if not line.enabled:
-            continue
-        sent = [rgb[i : i + 1] * colour for rgb, colour in zip(light.values(), reflected, strict=True)]
-        found = bounced_light(
-            view, sent, [gain[name] * colour for colour in seen], *terms.bounces_for(limits[i], bounced[i].rms)
-        )
-        lines[i] = replace(
-            line,
-            error=float(np.hypot(taken.error(bounced[i], found.noise * bounced[i].rms), found.left * bounced[i].rms)),
-            how="1 bounce" if found.bounces == 1 else f"{found.bounces} bounces",
-        )
-        for raster, small in zip(atlas, found.tiles, strict=True):
-            add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
-        bounces[name] = found.bounces
-    return lines, SkinLight(view, seen, {name: gain[name] for name in bounces}, bounces)
 
 
 def albedo_of(maps: SkinMaps, raster: AtlasRaster, mesh: SkinMesh) -> Image:

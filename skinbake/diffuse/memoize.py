@@ -17,9 +17,11 @@ from skinbake.atlas import Tiles
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.probes import Probes
 from skinbake.diffuse.resources import LobeResources, Resource
+from skinbake.diffuse.terms.diffuse_profile import EverywhereLight
 from skinbake.numerics import Float
 
 Kind = tuple[Any, ...]
+LobeLight = tuple[bool, float | None]
 Values = dict[str, NDArray[np.generic]]
 Make = Callable[[tuple[str, ...]], Mapping[str, Values]]
 # (kind of result, names of lights, how to make those of some names) -> values by name
@@ -42,6 +44,8 @@ class Memoizer:
         Of the light that wider lobes blur, where that is another.
     wide_mm2 : float
         Least variance of these.
+    everywhere : EverywhereLight, optional
+        The part of the light of which each lobe blurs more, or less.
     """
 
     def __init__(
@@ -51,19 +55,31 @@ class Memoizer:
         memoize: Memoize | None = None,
         of_wide: LobeResources | None = None,
         wide_mm2: float = np.inf,
+        everywhere: EverywhereLight | None = None,
     ) -> None:
         self.resources, self.names, self._memoize = resources, names, memoize
-        self._of_wide, self._wide_mm2 = of_wide, wide_mm2
-        self._of_lights: dict[tuple[bool, tuple[str, ...]], LobeResources] = {(False, names): resources}
+        self._of_wide, self._wide_mm2, self._everywhere = of_wide, wide_mm2, everywhere
+        self._of_lights: dict[tuple[LobeLight, tuple[str, ...]], LobeResources] = {((False, None), names): resources}
         if of_wide:
-            self._of_lights[True, names] = of_wide
+            self._of_lights[(True, None), names] = of_wide
+
+    def light_of(self, variance_mm2: float) -> LobeLight:
+        """Which light the lobe of a variance blurs: that of wider lobes or not, and whose factors are in it, if any."""
+        wide = self._of_wide is not None and variance_mm2 >= self._wide_mm2
+        own = self._everywhere is not None and self._everywhere.changes(variance_mm2)
+        return wide, variance_mm2 if own else None
 
     def of_lobe(self, variance_mm2: float) -> LobeResources:
         """What the lobe of a variance is made of."""
-        return self._of_wide if self._of_wide and self._is_wide(variance_mm2) else self.resources
-
-    def _is_wide(self, variance_mm2: float) -> bool:
-        return self._of_wide is not None and variance_mm2 >= self._wide_mm2
+        light = wide, own = self.light_of(variance_mm2)
+        if own is not None and (light, self.names) not in self._of_lights:
+            assert self._everywhere is not None
+            # Lobes are made one after another: what is only another's would fill the memory
+            self._of_lights = {key: each for key, each in self._of_lights.items() if key[0][1] is None}
+            base = self._of_lights[(wide, None), self.names]
+            source = self._everywhere.added_to(base.source, own, base.zeros)
+            self._of_lights[light, self.names] = base.with_light(source)
+        return self._of_lights[light, self.names]
 
     def map(self, method: DiffusionMethod, lobe: LobeParameters) -> Tiles:
         """The lobe at its stored size, (L, h, w, 3) a tile."""
@@ -132,10 +148,11 @@ class Memoizer:
 
     def _only(self, names: tuple[str, ...], lobe: LobeParameters) -> LobeResources:
         """Resources of some of the lights for a lobe, with the same geometry."""
-        key = self._is_wide(lobe.variance_mm2), names
+        key = self.light_of(lobe.variance_mm2), names
         if key not in self._of_lights:
             chosen = [self.names.index(name) for name in names]
-            self._of_lights[key] = self.of_lobe(lobe.variance_mm2).of_lights(chosen)
+            some = self.of_lobe(lobe.variance_mm2).of_lights(chosen)
+            self._of_lights[key] = some
         return self._of_lights[key]
 
 

@@ -17,7 +17,7 @@ def memory_needed_bytes(
     tiles: int = 1,
     lobes: int = 6,
     method: str = "auto",
-    beam: bool = False,
+    others: int = 0,
     on_disk: bool = False,
     looking: float = 0,
 ) -> int:
@@ -31,8 +31,8 @@ def memory_needed_bytes(
         How many of them.
     method : str
         `diffusion.method`; any method may come into use with `auto`.
-    beam : bool
-        Whether wider lobes blur another light: a second source, its moments, its premultiplied copy and its leaves.
+    others : int
+        How many lights lobes blur besides the first: each a source, its moments, its premultiplied copy and its leaves.
     on_disk : bool
         Whether what no step reads stands in temporary files, as in a bake into a folder.
     looking : float
@@ -46,7 +46,7 @@ def memory_needed_bytes(
     Notes
     -----
     On disk: what steps read, up to `READ_BYTES`, and what they make beside it, fitted to the sample head at 1024^2 to
-    8192^2 with three lights: light that enters (30, 45 where some is shifted), or a lobe that is rounded (12 + 6 L).
+    8192^2 with three lights: light that enters (30, 15 more for each other), or a lobe that is rounded (12 + 6 L).
 
     In memory, an upper estimate from the arrays that live together, per texel and tile: the atlas 20 bytes and the
     source 12 L are the caller's; each lobe kept at full size is 6 (L + 1), as halves with their sum (the three
@@ -57,10 +57,10 @@ def memory_needed_bytes(
     both at once.
     """
     texels = size[0] * size[1] * tiles
-    again = (12 + 4 + 16 + 12) * lights if beam else 0
+    again = (12 + 4 + 16 + 12) * lights * others
     between = int(LOOKING_BYTES * looking)
     if on_disk:
-        entering = 45 if beam else 30
+        entering = 30 + 15 * others
         return int(min(160 * texels, READ_BYTES) + texels * max(entering, 12 + 6 * lights)) + between
     kept = min(lobes, 3.5) * 6 * (lights + 1)
     per_texel = 20 + 12 * lights + kept
@@ -71,7 +71,7 @@ def memory_needed_bytes(
     return int(texels * (per_texel + again)) + between
 
 
-def disk_needed_bytes(size: tuple[int, ...], lights: int, tiles: int = 1, beam: bool = False) -> int:
+def disk_needed_bytes(size: tuple[int, ...], lights: int, tiles: int = 1, others: int = 0) -> int:
     """Temporary files of a bake, at their most; fitted to the sample head at 1024^2 and 4096^2.
 
     Parameters
@@ -80,10 +80,10 @@ def disk_needed_bytes(size: tuple[int, ...], lights: int, tiles: int = 1, beam: 
         Of the texture.
     lights, tiles : int
         How many of them.
-    beam : bool
+    others : int
         As of `memory_needed_bytes`.
     """
-    return size[0] * size[1] * tiles * (100 + (145 if beam else 100) * lights)
+    return size[0] * size[1] * tiles * (100 + (100 + 45 * others) * lights)
 
 
 def check_memory(
@@ -92,7 +92,7 @@ def check_memory(
     tiles: int,
     lobes: int,
     method: str,
-    beam: bool = False,
+    others: int = 0,
     on_disk: bool = False,
     otherwise: str = "",
 ) -> None:
@@ -100,7 +100,7 @@ def check_memory(
 
     Parameters
     ----------
-    size, lights, tiles, lobes, method, beam, on_disk
+    size, lights, tiles, lobes, method, others, on_disk
         See `memory_needed_bytes`.
     otherwise : str
         What else to change, in words.
@@ -110,7 +110,7 @@ def check_memory(
     MachineError
         With the memory it would need and what to change.
     """
-    needed = memory_needed_bytes(size, lights, tiles, lobes, method, beam, on_disk)
+    needed = memory_needed_bytes(size, lights, tiles, lobes, method, others, on_disk)
     there = physical_memory_bytes()
     if needed > there:
         raise MachineError(

@@ -71,8 +71,11 @@ class LobeResources:
 
     def of_lights(self, chosen: Sequence[int]) -> LobeResources:
         """Resources of some of the lights, about the same geometry."""
-        light = {tile: rgb[chosen] for tile, rgb in self.source.items()}
-        return LobeResources(light, self.geometry, self.spec, self.share, self._aside)
+        return self.with_light({tile: rgb[chosen] for tile, rgb in self.source.items()})
+
+    def with_light(self, source: Tiles) -> LobeResources:
+        """Resources of another light, (L, H, W, 3) a tile, about the same geometry."""
+        return LobeResources(source, self.geometry, self.spec, self.share, self._aside)
 
     @property
     def zeros(self) -> Zeros:

@@ -111,6 +111,7 @@ def scatter(
         plan_for=base and base.gaussians,
         # What curvature changes is not rounded before
         aside=aside._replace(lobe=IN_MEMORY.lobe) if entering.curved else aside,
+        everywhere=entering.everywhere,
     )
     mean_albedo, plan, curved = entering.mean_albedo, entering.plan, entering.curved
     skin_light = entering.skin_light
@@ -135,6 +136,7 @@ def scatter(
         lights=through_by,
         scatter=share,
         rest=aside.rest,
+        times=entering.everywhere and entering.everywhere.times(entering.rgb),
     )
     through, line = None, None
     if terms.transmission == "auto":  # few texels tell where it is far from being worth it
@@ -226,9 +228,12 @@ def table_decision(gaussians: GaussianSum, table: WeightTable, skin: SkinSpec) -
     return Decision("skin varies", True, why)
 
 
-def may_shift_light(spec: SceneSpec) -> bool:
-    """Whether wider lobes of a look may blur another light than narrow ones do (`terms.beam`)."""
-    return spec.terms.beam != "off" and bool(skin_medium(spec.skin).layers)
+def other_lights(spec: SceneSpec) -> int:
+    """How many lights lobes of a look may blur besides the first: another of wider lobes (`terms.beam`), or one each
+    (`terms.diffuse_profile`; it is not counted where `auto` will most likely leave it out).
+    """
+    asked = (spec.terms.beam != "off") + (spec.terms.diffuse_profile == "on")
+    return asked if skin_medium(spec.skin).layers else 0
 
 
 def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int, on_disk: bool = True) -> None:
@@ -249,13 +254,13 @@ def refuse_too_large(spec: SceneSpec, decisions: Decisions, tiles: int, on_disk:
         More memory is needed than there is.
     """
     lights = len(decisions.stored_lights)
-    shifted = may_shift_light(spec)
+    others = other_lights(spec)
     size, otherwise = spec.texture.size[::-1], ""
     if on_disk:
-        folder, files = Path(spec.output.dir), disk_needed_bytes(size, lights, tiles, shifted)
+        folder, files = Path(spec.output.dir), disk_needed_bytes(size, lights, tiles, others)
         free = free_disk_bytes(folder)
         if files > free:  # what the disk does not take stays in memory
             on_disk = False
             room = f"{files / 2**30:.0f} GiB of temporary files in {folder} ({free / 2**30:.0f} free)"
             otherwise = f", or make room for {room}"
-    check_memory(size, lights, tiles, LIKELY_LOBES, spec.diffusion.method, shifted, on_disk, otherwise)
+    check_memory(size, lights, tiles, LIKELY_LOBES, spec.diffusion.method, others, on_disk, otherwise)

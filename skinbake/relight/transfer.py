@@ -203,10 +203,11 @@ def _slant(
 
 def _left_out(spec: SceneSpec) -> list[Decision]:
     """What a bake of the same lights might have and these textures have not."""
-    if spec.terms.beam == "off":
-        return []
-    why = "auto: light that enters at a slant is not shifted, for it comes from everywhere at once"
-    return [Decision("relight.beam", False, why)]
+    why = {
+        "beam": "auto: light that enters at a slant is not shifted, for it comes from everywhere at once",
+        "diffuse_profile": "auto: a light of the basis may be part of a sky or of a sun, which have different ones",
+    }
+    return [Decision(f"relight.{term}", False, why[term]) for term in why if getattr(spec.terms, term) != "off"]
 
 
 def _choose(
@@ -276,6 +277,7 @@ def _judged(small: SceneSpec, slanted: bool, lines: list[Decision]) -> SceneSpec
     switches = {
         "incidence": "on" if slanted else "off",
         "beam": "off",
+        "diffuse_profile": "off",
         "curvature": "on" if of_term.get("curvature") else "off",
         # As near as the blur is: `on` would trace the finest there is for each light
         "interreflection": "auto" if of_term.get("interreflection") else "off",

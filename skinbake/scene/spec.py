@@ -164,6 +164,8 @@ class TermsSpec(Strict):
     """Skin lights skin: in nostrils, between lips, behind the ear."""
     bounces: Bounces = "auto"
     """How often light goes from skin to skin; `auto` goes on until the tolerance allows to leave out the rest."""
+    diffuse_profile: Switch = "auto"
+    """Light of skies and from skin spreads further than the profile says: lobes weigh otherwise for it, by a little."""
     transmission: Switch = "auto"
     """Light through thin parts: ears, nostrils."""
 
@@ -314,9 +316,11 @@ class SceneSpec(Strict):
 
     @field_validator("terms")
     @classmethod
-    def _no_beam(cls, terms: TermsSpec, info: ValidationInfo) -> TermsSpec:
+    def _not_beside_relight(cls, terms: TermsSpec, info: ValidationInfo) -> TermsSpec:
         if info.data.get("relight") and terms.beam == "on":
             raise ValueError("expected beam: auto or off beside relight, which knows no beams, got on")
+        if info.data.get("relight") and terms.diffuse_profile == "on":
+            raise ValueError("expected diffuse_profile: auto or off beside relight, which has one profile, got on")
         return terms
 
     @field_validator("lights")

@@ -86,7 +86,8 @@ def plan_sweep(spec: SceneSpec, size: tuple[int, int], extent: str = "default") 
     level = EXTENTS.index(extent)
     # Terms that `auto` decides by the tolerance must not change along the way
     oil = "on" if decide(spec).energy_conservation.enabled else "off"
-    off = tuple(f"terms.{term}=off" for term in ("incidence", "beam", "curvature", "interreflection", "transmission"))
+    terms = ("incidence", "beam", "curvature", "interreflection", "diffuse_profile", "transmission")
+    off = tuple(f"terms.{term}=off" for term in terms)
     base = (_size(size, 1), "texture.reduce=off", "diffusion.probes=0", *off, f"terms.energy_conservation={oil}")
     finest_skin = _finest_skin(spec)
     references = [
@@ -188,6 +189,7 @@ def _terms(spec: SceneSpec, base: Overrides, level: int) -> list[tuple[Reference
         on_off["incidence"] = ("terms.incidence=on", "terms.incidence=off")
         on_off["curvature"] = ("terms.curvature=on", "terms.curvature=off")
         on_off["beam"] = ("terms.beam=on", "terms.beam=off")
+        on_off["diffuse profile"] = ("terms.diffuse_profile=on", "terms.diffuse_profile=off")
     if level == 2:
         on_off["shadows"] = ("shadows=true", "shadows=false")
     found = []

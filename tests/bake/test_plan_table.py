@@ -56,6 +56,7 @@ def test_every_choice_has_its_line(said, capfd):
         "beam",
         "curvature",
         "interreflection",
+        "diffuse_profile",
         "thin parts",
         "fit",
         "all",

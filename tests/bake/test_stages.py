@@ -82,7 +82,7 @@ def test_the_order_of_the_lights_is_part_of_what_holds_several(stages):
 MEDIUM = "skin={model: dipole, sigma_a_per_mm: [0.03, 0.2, 0.5], sigma_sp_per_mm: [0.7, 0.9, 1.0], eta: %s}"
 
 
-READERS = ("incidence", "beam", "curvature", "transmission")
+READERS = ("incidence", "beam", "curvature", "diffuse_profile", "transmission")
 
 
 @pytest.mark.parametrize("term", READERS)

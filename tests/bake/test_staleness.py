@@ -86,7 +86,15 @@ PLAIN = {
     "diffusion": {"method": "surface", "tolerance": 0.5, "probes": 20},
     "terms": {
         name: "off"
-        for name in ("energy_conservation", "incidence", "beam", "curvature", "interreflection", "transmission")
+        for name in (
+            "energy_conservation",
+            "incidence",
+            "beam",
+            "curvature",
+            "interreflection",
+            "diffuse_profile",
+            "transmission",
+        )
     },
     "output": {"dir": "out"},
 }
@@ -130,7 +138,7 @@ BASES = {
     "constant sky": plain(lights=[{"name": "sky", "type": "environment", "radiance": [1, 2, 3], "samples": 16}]),
     "auto": plain(diffusion={"method": "auto", "tolerance": 0.1, "probes": 20}, terms=PLAIN["terms"] | {
         "transmission": "on", "interreflection": "on", "incidence": "on", "beam": "on",
-        "curvature": "on"}, maps={"albedo": "albedo.exr"},
+        "curvature": "on", "diffuse_profile": "on"}, maps={"albedo": "albedo.exr"},
         skin={"model": "multipole", "normalise": "none", "layers": [LAYER, DEEP],
               "fit": {"gaussians": 2}}),
     "dipole": plain(skin={"model": "dipole", "sigma_a_per_mm": [0.1, 0.2, 0.3], "sigma_sp_per_mm": [2, 3, 4],
@@ -210,7 +218,7 @@ CHANGES = {
         {"mesh.unit": "cm", "mesh.up": "z", "mesh.front": "-z", "mesh.flip_v": True, "texture.size": [14, 16],
          "texture.gutter": 1, "diffusion.method": "surface", "diffusion.tolerance": 0.3, "diffusion.separate": False,
          "diffusion.probes": 30, "texturing.mode": "post-scatter", "terms.incidence": "off",
-         "terms.beam": "off", "terms.curvature": "off",
+         "terms.beam": "off", "terms.curvature": "off", "terms.diffuse_profile": "off",
          "terms.interreflection": "off", "terms.transmission": "off", "terms.bounces": 2, "output.precision": "float",
          "output.layout": "single",
          "output.compression": "piz", "output.lights": "total", "output.seed": 1, "output.tx": True,

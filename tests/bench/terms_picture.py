@@ -15,7 +15,7 @@ from PIL import Image
 
 from skinbake.cli import run
 
-TERMS = "incidence", "beam", "curvature", "interreflection", "transmission"
+TERMS = "incidence", "beam", "curvature", "interreflection", "diffuse_profile", "transmission"
 PIXELS, TIMES = 480, 6
 
 

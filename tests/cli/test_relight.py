@@ -109,6 +109,7 @@ def test_what_cannot_be_shown_is_refused(look, capsys, options, message):
         ("relight={textures: 100}", "relight.textures"),
         ("relight=always", "expected a mapping, or reuse, got always"),
         ("terms.beam=on", "expected beam: auto or off beside relight"),
+        ("terms.diffuse_profile=on", "expected diffuse_profile: auto or off beside relight"),
     ],
 )
 def test_looks_that_contradict_themselves_are_refused(look, capsys, change, message):

@@ -48,8 +48,9 @@ def test_a_disk_without_room_is_refused_where_memory_would_not_do(tmp_path, monk
 
 def test_light_that_is_shifted_is_held_twice():
     """The source itself at least, light by light."""
-    more = memory_needed_bytes((1024, 1024), 3, beam=True) - memory_needed_bytes((1024, 1024), 3)
+    more = memory_needed_bytes((1024, 1024), 3, others=1) - memory_needed_bytes((1024, 1024), 3)
     assert 3 * 12 * 2**20 < more < 3 * 60 * 2**20
+    assert memory_needed_bytes((1024, 1024), 3, others=2) - memory_needed_bytes((1024, 1024), 3) == 2 * more
 
 
 def test_texels_that_look_for_skin_are_counted():

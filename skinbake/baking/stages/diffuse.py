@@ -112,7 +112,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         """What terms read that change entering light, besides that light, its maps and the mesh."""
         inputs, spec = self._inputs, self._inputs.spec
         terms, total = spec.terms, (gaussians.weight_rgb.sum(axis=0).tolist(), inputs.key(*inputs.skin_maps))
-        incidence = beam = curvature = interreflection = None
+        incidence = beam = curvature = interreflection = shape = None
         if terms.incidence != "off":
             medium = skin_medium(spec.skin)
             incidence = (terms.incidence, medium.identity, medium.why, medium.named, spec.skin.normalise, total)
@@ -126,7 +126,12 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         if terms.interreflection != "off":
             oil = spec.specular.model_dump(mode="json") if inputs.decisions.energy_conservation.enabled else None
             interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))
-        return [incidence, beam, curvature, interreflection]
+        if terms.diffuse_profile != "off":
+            medium = skin_medium(spec.skin)
+            lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()
+            entering = getattr(spec.skin, "incidence", None)  # of the profile
+            shape = (terms.diffuse_profile, medium.identity, medium.why, medium.named, lobes, entering)
+        return [incidence, beam, curvature, interreflection, shape]
 
     def _decided(self) -> list[Any]:
         """The tolerance's parts, and what the look's own decisions leave of it."""

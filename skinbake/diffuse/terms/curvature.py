@@ -78,7 +78,7 @@ class CurvedSkin:
                 continue
             rgb = {tile: np.array(image, np.float32) for tile, image in lobe.rgb.items()}
             for tile, image in rgb.items():
-                parallel_for(_multiply, image.shape[1], gain[tile], np.ascontiguousarray(factor), image)
+                multiply_by_gain(gain[tile], factor, image)
             found.append(replace(lobe, rgb=rgb))
         return tuple(found)
 
@@ -178,6 +178,20 @@ def _beyond(difference: Float, error: Float) -> Float:
 def formed_already(switch: str) -> Decision:
     """The plan's line where curvature changes nothing: a white profile, and no light whose beams are shifted."""
     return Decision("curvature", False, f"{switch}: a white profile has the skin's own form in it")
+
+
+def multiply_by_gain(gain: Image, factor: Float, image: Image) -> None:
+    """Multiply images in place by the factor of the gain at each texel.
+
+    Parameters
+    ----------
+    gain : ndarray of shape (h, w, 3), float32
+        Of any size.
+    factor : ndarray of shape (STEPS + 1, 3)
+        At gains from 0 to `MOST_GAIN`.
+    image : ndarray of shape (L, H, W, 3), float32, changed in place
+    """
+    parallel_for(_multiply, image.shape[1], gain, np.ascontiguousarray(factor), image)
 
 
 @kernel

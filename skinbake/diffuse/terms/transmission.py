@@ -77,6 +77,7 @@ def transmit(
     thin: ThinParts | None = None,
     rest: Callable[[], None] = lambda: None,
     margin: float = 1.0,
+    times: Float | None = None,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe, and the plan's line on it.
 
@@ -108,6 +109,8 @@ def transmit(
         Frees the memory of each lobe that was read.
     margin : float
         Of what may be left out: `auto` leaves out no more than this share of it.
+    times : ndarray of shape (L, N, 3), optional
+        How many times each lobe has the light that came in, of each light, as `EverywhereLight.times`.
 
     References
     ----------
@@ -123,7 +126,7 @@ def transmit(
     for raster, rows, cols, far in thin.tiles:
         factor = np.stack([slant_factors(weights, far, *light, thin.centre_mm) for light in of_names])
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
-        image[:, rows, cols] = np.maximum(_across(diffused, mesh, udim, weights, carried, far, factor, rest), 0)
+        image[:, rows, cols] = np.maximum(_across(diffused, mesh, udim, weights, carried, far, factor, rest, times), 0)
         rgb[raster.tile] = image
         through.append((image[:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
         reflected.append(_reflected(diffused, mesh, udim, gaussians, raster, rest))
@@ -173,6 +176,7 @@ def _across(
     far: FarSide,
     factor: Image,
     rest: Callable[[], None],
+    times: Float | None,
 ) -> Image:
     """Light that comes through the flesh from n places of its far side, (L, n, 3).
 
@@ -187,13 +191,15 @@ def _across(
     far : FarSide
     factor : ndarray of shape (L, n, 3), float32
         On the weights, by light.
-    rest : callable
+    rest, times
         As in `transmit`.
     """
 
     def of_lobe(number: int) -> _OfLobe:
+        # A slab's weights are of the light once
+        own = factor if times is None else (factor / times[:, number, None]).astype(np.float32)
         read = read_weights(weights, np.stack([weights.weight_rgb[:, number], carried[:, number]], axis=1), far)
-        return _OfLobe(read[:, 0].copy(), read[:, 1].copy(), factor)
+        return _OfLobe(read[:, 0].copy(), read[:, 1].copy(), own)
 
     return _gather(diffused, mesh, udim, far.face, far.uv, of_lobe, rest)
 

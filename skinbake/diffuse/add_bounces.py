@@ -1,0 +1,98 @@
+"""What skin sends on to skin, added light by light where that is worth it (theory.md 9.7)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.atlas import Atlas
+from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
+from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
+from skinbake.diffuse.terms.skin_view import SkinView, look_around
+from skinbake.irradiance.scene_data import SceneData
+from skinbake.scene.decision import Decision
+from skinbake.scene.spec import SceneSpec
+
+Image = NDArray[np.float32]
+
+
+def add_bounces(
+    spec: SceneSpec,
+    scene: SceneData,
+    atlas: Atlas,
+    names: tuple[str, ...],
+    light: dict[int, Image],
+    reflected: list[Image],
+    gain: dict[str, Image],
+    limits: list[float],
+    view: SkinView | None,
+) -> tuple[list[Decision], SkinLight | None]:
+    """Add to each light what skin sends on to skin, where that is worth it; the plan's lines, and how that was done.
+
+    Parameters
+    ----------
+    spec : SceneSpec
+    scene : SceneData
+    atlas : Atlas
+    names : tuple of L str
+    light : dict of int to ndarray of shape (L, H, W, 3), changed in place
+        Irradiance, by tile.
+    reflected : list of ndarray of shape (H, W, 3) or (1, 1, 3)
+        What of it leaves as M, by tile.
+    gain : dict of str to ndarray of shape (3,)
+        By light, what of light from skin counts where it enters.
+    limits : list of L float
+        What may be left out of each light.
+    view : SkinView, optional
+        Where it was looked around already.
+    """
+    terms, udim = spec.terms, spec.texture.udim
+    if terms.interreflection == "off":
+        return [Decision("interreflection", False, "off")], None
+    mean_gain = np.mean(list(gain.values()), axis=0)
+    lines, bounced = decide_interreflection(
+        scene.mesh,
+        scene.occluder,
+        names,
+        list(light.values()),
+        reflected,
+        atlas,
+        udim,
+        terms.interreflection,
+        limits,
+        mean_gain,
+    )
+    if not any(line.enabled for line in lines):
+        return lines, None
+    kept = [i for i, line in enumerate(lines) if line.enabled]
+    taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
+    view = view or look_around(
+        scene.mesh,
+        scene.occluder,
+        spec.texture.size,
+        spec.texture.gutter,
+        udim,
+        taken.width_mm,
+        taken.rays,
+        taken.with_neighbours,
+    )
+    seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
+    bounces = {}
+    for i, (name, line) in enumerate(zip(names, lines, strict=True)):
+        if not line.enabled:
+            continue
+        sent = [rgb[i : i + 1] * colour for rgb, colour in zip(light.values(), reflected, strict=True)]
+        found = bounced_light(
+            view, sent, [gain[name] * colour for colour in seen], *terms.bounces_for(limits[i], bounced[i].rms)
+        )
+        lines[i] = replace(
+            line,
+            error=float(np.hypot(taken.error(bounced[i], found.noise * bounced[i].rms), found.left * bounced[i].rms)),
+            how="1 bounce" if found.bounces == 1 else f"{found.bounces} bounces",
+        )
+        for raster, small in zip(atlas, found.tiles, strict=True):
+            add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
+        bounces[name] = found.bounces
+    return lines, SkinLight(view, seen, {name: gain[name] for name in bounces}, bounces)
