@@ -184,7 +184,9 @@ def look_for(scene, light, inside, uv, tau):  # type: ignore[no-untyped-def]
     else:
         # Where the beam enters so that it is bent towards here: by the normal where it would, until that stays
         for _ in range(SNELL_STEPS):
-            cos_out = max(nx * wx + ny * wy + nz * wz, 0.0)
+            cos_out = nx * wx + ny * wy + nz * wz
+            if cos_out <= 0.0:  # of the side that the light does not reach: look straight towards the light for another
+                nx, ny, nz, cos_out = wx, wy, wz, 1.0
             cos_in = math.sqrt(1.0 - (1.0 - cos_out * cos_out) / (eta * eta))
             turn = cos_in - cos_out / eta
             ux, uy, uz = wx / eta + turn * nx, wy / eta + turn * ny, wz / eta + turn * nz

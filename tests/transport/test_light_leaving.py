@@ -10,6 +10,7 @@ from skinbake.irradiance.oil_layer import fresnel_dielectric
 from skinbake.profile.chandrasekhar import half_space_diffuse_reflectance, half_space_reflectance
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
+from skinbake.profile.slab_transport import slab_transport
 from skinbake.profile.transport import trace_layers
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, PointLight, RectangleLight
 from skinbake.transport.light_leaving import ESTIMATES, light_leaving
@@ -66,6 +67,19 @@ def test_a_face_that_refracts_gives_the_totals_of_the_layered_walks():
     photons = trace_layers([Layer(Medium(*SKIN), np.inf, 1.4)], 150_000)
     got, stderr = pooled(found, WHOLE)
     agree(got, np.hypot(stderr, photons.total_stderr), photons.total_reflectance[None])
+
+
+@pytest.mark.parametrize("eta", [1.0, 1.4])
+def test_what_comes_through_a_plate_is_what_doubling_says(eta):
+    """On the side that no light reaches, where the sun enters by a face that looks the other way."""
+    mesh = box([-40, -40, -3], [40, 40, 0])
+    face, place = np.full(8, 8, np.int32), np.full((8, 2), 1 / 3)
+    assert np.all(mesh.corner_position_mm[8, :, 2] == -3)
+    plate = slab_transport(Medium(*SKIN), eta, np.array([3.0]))
+    mu = plate.cosine[[len(plate.cosine) // 2, -1]]
+    lights = [sun(cosine, f"s{i}", 1 / cosine) for i, cosine in enumerate(mu)]
+    found = light_leaving(rays_of(mesh), TransportMedium(*SKIN, 0.0, eta), lights, face, place, 480, 5)
+    agree(*pooled(found, WHOLE), plate.through[0, [len(plate.cosine) // 2, -1]], precise=0.06)
 
 
 @pytest.mark.slow
