@@ -107,6 +107,12 @@ def test_given_gaussians_of_the_same_variances_are_kept_to_the_bit(report):
         (OWN, OWN + ", medium: {preset: jensen-skin1}", "", "incidence: the skin says a medium, that of base none"),
         (f"{OWN}, {MEDIUM}skin1, eta: 1}}", f"{OWN}, {MEDIUM}apple, eta: 1}}", "", "incidence: slanted light comes"),
         (f"{OWN}, {MEDIUM}skin1}}", f"{OWN}, {MEDIUM}apple}}", "terms.incidence=off", "beam: free paths differ by"),
+        (
+            f"{OWN}, {MEDIUM}skin1}}",
+            f"{OWN}, {MEDIUM}apple}}",
+            "terms.incidence=off terms.beam=off terms.diffuse_profile=on",
+            "diffuse_profile: lobes weigh otherwise by",
+        ),
         (OWN, OWN, "relight={}", "relight has blurs of its own"),
     ],
 )

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import skinbake
 from skinbake.atlas import rasterize
 from skinbake.diffuse.diffuse import diffuse
 from skinbake.diffuse.light_entering import light_entering
@@ -14,6 +15,7 @@ from skinbake.diffuse.memoize import Memoizer
 from skinbake.diffuse.methods import METHODS, LobeParameters
 from skinbake.diffuse.terms.curvature import MOST_GAIN, STEPS, CurvedSkin, lobe_factors
 from skinbake.diffuse.terms.diffuse_profile import TERM, DiffuseProfile, EverywhereLight, layer_of_profile
+from skinbake.io.mesh import write_obj
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.light_skin import light_skin
 from skinbake.irradiance.scene_data import SceneData
@@ -28,7 +30,7 @@ from tests.diffuse.test_interreflection import plates
 from tests.diffuse.test_light_entering import ALBEDO, INCIDENCE, MEDIUM, OFF, SKIN, SKY, sun
 from tests.diffuse.test_memoize import Store, run
 from tests.diffuse.test_methods import lit
-from tests.shapes import quad
+from tests.shapes import quad, relief
 
 VARIANCE = np.array([0.05, 0.5, 4.0])
 WEIGHT = np.array([[0.01, 0.02, 0.06], [0.2, 0.12, 0.1], [0.3, 0.15, 0.0]])
@@ -220,3 +222,28 @@ def test_the_estimate_sees_what_a_blur_of_the_difference_does():
     want = 4.0 * np.sqrt((change**2).sum() / (whole**2).sum())
     assert waved.error == pytest.approx(want, rel=0.15)
     assert not waved.enabled
+
+
+def test_a_bake_shows_it_and_auto_changes_no_pixel(tmp_path):
+    """A relief under a sky and a lamp: measured against the integral of the same light; lights stored summed agree."""
+    write_obj(tmp_path / "mesh.obj", relief(60.0, 9.0, segments=12))
+
+    def baked(word, *sets):
+        look = spec_of([SKY, sun(0.6)], word, interreflection="on", curvature="on", beam="on", bounces=1)
+        values = look.model_dump(mode="json") | {
+            "mesh": {"path": str(tmp_path / "mesh.obj"), "unit": "mm", "any_size": True},
+            "output": {"dir": "out", "precision": "float", "lights": sets[0] if sets else "separate"},
+        }
+        return skinbake.bake(SceneSpec.model_validate(values))
+
+    off, auto, on, total = baked("off"), baked("auto"), baked("on"), baked("on", "total")
+    for i in range(len(off.variance_mm2)):
+        np.testing.assert_array_equal(auto.lobe(i), off.lobe(i))
+    kept = {line.term: line.enabled for line in on.plan}
+    assert kept[f"sky.{TERM}"]
+    assert not {line.term: line.enabled for line in auto.plan}[f"sky.{TERM}"]
+    assert on.error.rms < 0.01
+    moved = np.linalg.norm(on.radiant_exitance() - off.radiant_exitance()) / np.linalg.norm(off.radiant_exitance())
+    assert 1e-5 < moved < 0.01
+    apart = np.linalg.norm(on.radiant_exitance() - total.radiant_exitance())
+    assert apart < 0.004 * np.linalg.norm(off.radiant_exitance())

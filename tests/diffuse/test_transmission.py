@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -115,6 +117,24 @@ def test_no_more_comes_through_than_arrives():
     np.testing.assert_allclose(through[:, 0].max(), 1)
     assert through.max() <= 1 + 1e-12
     assert through[:, 2].max() < 0.9
+
+
+@pytest.mark.parametrize("method", ["texture", "surface"])
+def test_a_slab_takes_the_light_once(method):
+    """Whatever lobes have of it: the weights of what they carry through themselves are of what they have."""
+    profile, mesh, size = gaussians(energy=0.5), slab_mesh(3.0), (90, 40)
+    _, diffused = lit_below(mesh, profile, size, method=method)
+    times = np.linspace(0.7, 1.3, len(profile.variance_mm2))[None, :, None] * np.ones(3)
+    more = [
+        replace(lobe, rgb={1001: lobe.rgb[1001] * of.astype(np.float32)})
+        for lobe, of in zip(diffused.lobes, times[0], strict=True)
+    ]
+    skin = mesh, profile, size, 4, False, np.array([0.5] * 3), "on", 0.01
+    once, same = transmit(diffused, *skin)[0], transmit(replace(diffused, lobes=tuple(more)), *skin, times=times)[0]
+    carried = np.exp(-9 / (2 * profile.variance_mm2[:, None])) * profile.weight_rgb if method == "surface" else 0
+    place = (1001, (0, size[1] // 2, int(0.775 * size[0])))
+    less = ((times[0] - 1) * carried).sum(axis=0) * (3.0, 2.0, 1.0)
+    np.testing.assert_allclose(same.rgb[1001][place[1]], once.rgb[1001][place[1]] - less, rtol=0.01)
 
 
 @pytest.mark.parametrize("method", ["texture", "surface"])

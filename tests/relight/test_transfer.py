@@ -7,7 +7,7 @@ import re
 import pytest
 
 import skinbake
-from skinbake.diffuse import light_entering
+from skinbake.diffuse import add_bounces
 from skinbake.errors import MachineError
 from skinbake.relight import scattering, transfer
 
@@ -40,7 +40,7 @@ def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
     monkeypatch.setattr(scattering.ThinParts, "of", lambda *args: calls.append(args) or once(*args))
     looks, look = [], transfer.seen_skin
     monkeypatch.setattr(transfer, "seen_skin", lambda *args: looks.append(args) or look(*args))
-    monkeypatch.setattr(light_entering, "look_around", lambda *_: pytest.fail("each bake that judges looks around"))
+    monkeypatch.setattr(add_bounces, "look_around", lambda *_: pytest.fail("each bake that judges looks around"))
     made = baked("terms.transmission=auto", "terms.interreflection=auto", "diffusion.method=auto", "relight.textures=9")
     assert len(made.plan) > 3
     why = {line.term: line.why for line in made.plan}
