@@ -26,7 +26,7 @@ Kind = TypeVar("Kind", bound=np.generic)
 _SMALLEST = 1 << 20  # bytes: less is not worth a file
 MOST_READ = 512 << 20  # bytes of files that are in memory at a time, about
 MOST_IDLE = 512 << 20  # bytes of files that no array is in any more, and that serve the next ones
-_ROOMY = 1.5  # times what an array takes: a larger file is not given to it
+_ROOMY = 2.5  # times what an array takes: a larger file is not given to it
 _AT_ONCE = 1 << 26  # bytes that are copied at a time; whole pages
 _MAPPED = 1 << 24  # bytes, meanwhile other threads wait
 _POPULATE_WRITE = 23  # of Linux's madvise
@@ -129,7 +129,7 @@ class Spool:
             content = self._new(self._folder, size)
         if content is None:
             return None
-        _map(content, size > self._most_read // 2)
+        _map(content, size, size > self._most_read // 2)
         whole = np.frombuffer(content, np.uint8)
         finalize(whole, _give_back, ref(self), content).atexit = False
         if clear and not new:
@@ -204,20 +204,22 @@ def _reserve(file: IO[bytes], size: int) -> None:
     file.flush()
 
 
-def _map(content: mmap.mmap, large: bool) -> None:
-    """Have the system make and map all pages of a file at once: two threads that miss them take thrice the time.
+def _map(content: mmap.mmap, size: int, large: bool) -> None:
+    """Have the system make and map pages of a file at once: two threads that miss them take thrice the time.
 
     Parameters
     ----------
     content : mmap
+    size : int
+        Bytes that are wanted, from the first one.
     large : bool
         Whether it is too much to stay in memory until it is used: its pages are made all the same.
     """
     if sys.platform != "linux":
         return
     with suppress(OSError):  # before Linux 5.14
-        for begin in range(0, len(content), _MAPPED):
-            count = min(_MAPPED, len(content) - begin)
+        for begin in range(0, size, _MAPPED):
+            count = min(_MAPPED, size - begin)
             content.madvise(_POPULATE_WRITE, begin, count)
             if large:
                 content.madvise(mmap.MADV_DONTNEED, begin, count)
