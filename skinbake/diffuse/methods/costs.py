@@ -12,7 +12,7 @@ from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.texture_space.blur import level_size
 
 # A texel, or a texel of each light where they multiply
-_WRITE = 3.5e-8
+_WRITE = 7e-8
 _BLUR, _BLUR_SIGMA = 7e-9, 4e-9  # the second times sigma in texels
 _PREDICT = 2e-8
 _LOOK = 8e-9  # whether a texel is to be summed
