@@ -290,6 +290,7 @@ def _write(first, stop, walked, points, light, lobe, out):  # type: ignore[no-un
     flat_index, position, normal, area = points.flat_index, points.position, points.normal, points.area_mm2
     pyramid, variance = lobe
     moments, mean = pyramid.moments, pyramid.radiosity
+    leaves, size = leaf.reshape(-1), leaf.shape[1] * LANES
     for root in range(first, stop):
         k, lane = begin[root] - 1, np.int64(LANES)
         for i in range(count[root, 0]):
@@ -297,39 +298,54 @@ def _write(first, stop, walked, points, light, lobe, out):  # type: ignore[no-un
             if what < 0:
                 what = ~what
                 if i > 0:
-                    _close(leaf[k], lane)
+                    _close(leaf, k, lane, box)
                 k, lane = k + 1, 0
-            at, group, place = what >> 1, k // LANES, k % LANES
+            at, to = what >> 1, k * size + lane
             if what & 1:
                 m = moments[at]
                 length = max(np.sqrt(m[5] * m[5] + m[6] * m[6] + m[7] * m[7]), np.float32(1e-12))
                 for axis in range(3):
-                    leaf[k, axis, lane], leaf[k, NORMAL + axis, lane] = m[1 + axis], m[5 + axis] / length
+                    leaves[to + axis * LANES], leaves[to + (NORMAL + axis) * LANES] = m[1 + axis], m[5 + axis] / length
                 narrowing = variance / (variance - m[4])
-                leaf[k, NARROWING, lane], leaf[k, AMPLITUDE, lane] = narrowing, m[0] * narrowing
+                leaves[to + NARROWING * LANES], leaves[to + AMPLITUDE * LANES] = narrowing, m[0] * narrowing
                 for c in range(mean.shape[1]):
-                    leaf[k, LIGHT + c, lane] = mean[at, c]
+                    leaves[to + (LIGHT + c) * LANES] = mean[at, c]
             else:
                 for axis in range(3):
-                    leaf[k, axis, lane], leaf[k, NORMAL + axis, lane] = position[at, axis], normal[at, axis]
-                leaf[k, NARROWING, lane], leaf[k, AMPLITUDE, lane] = 1, area[at]
+                    leaves[to + axis * LANES] = position[at, axis]
+                    leaves[to + (NORMAL + axis) * LANES] = normal[at, axis]
+                leaves[to + NARROWING * LANES], leaves[to + AMPLITUDE * LANES] = 1, area[at]
+                texel, to = flat_index[at], to + LIGHT * LANES
                 for each in range(len(light)):
                     for c in range(3):
-                        leaf[k, LIGHT + 3 * each + c, lane] = light[each, flat_index[at], c]
-            for axis in range(3):
-                box[group, axis, place] = min(box[group, axis, place], leaf[k, axis, lane])
-                box[group, 3 + axis, place] = max(box[group, 3 + axis, place], leaf[k, axis, lane])
+                        leaves[to] = light[each, texel, c]
+                        to += LANES
             lane += 1
         if count[root, 0] > 0:
-            _close(leaf[k], lane)
+            _close(leaf, k, lane, box)
 
 
 @kernel(inner=True)
-def _close(leaf, sources):  # type: ignore[no-untyped-def]
-    """Fill the places of a leaf beyond its sources."""
+def _close(leaf, k, sources, box):  # type: ignore[no-untyped-def]
+    """Fill the places of a leaf beyond its sources, and its box.
+
+    Parameters
+    ----------
+    leaf, box : ndarrays, float32
+        As in `_Leaves`; written.
+    k : int
+        The leaf.
+    sources : int
+        How many it has.
+    """
+    for axis in range(3):
+        low, high = _NOWHERE, -_NOWHERE
+        for lane in range(sources):
+            low, high = min(low, leaf[k, axis, lane]), max(high, leaf[k, axis, lane])
+        box[k // LANES, axis, k % LANES], box[k // LANES, 3 + axis, k % LANES] = low, high
     for lane in range(sources, LANES):
-        for row in range(len(leaf)):
-            leaf[row, lane] = _NOWHERE if row < 3 else _ZERO
+        for row in range(leaf.shape[1]):
+            leaf[k, row, lane] = _NOWHERE if row < 3 else _ZERO
 
 
 @kernel(inline=True)
