@@ -71,7 +71,7 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
         + (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 * _exactness(budget)
         + _between_skin(spec, budget, work),
         "preview": 1.0 + 0.35 * megatexels**0.7,
-        "write": 0.02 + 0.05 * megatexels,
+        "write": 0.02 + 0.25 * megatexels,
     }
     if spec.relight is not None and not spec.relight.reuse:
         width, height = transfer_size(spec)

@@ -71,8 +71,17 @@ def data_files(*modules: str) -> list[Path]:
     """Files beside or below the code that `modules` run and that are not code themselves."""
     folders = {PACKAGE.parent.joinpath(*name.split(".")) for name in code_modules(*modules)}
     folders = {folder for folder in folders if folder.is_dir() and folder != PACKAGE}
-    found = {path for folder in folders for path in folder.rglob("*") if path.is_file()}
-    return sorted(path for path in found if path.suffix not in _NOT_CODE and "__pycache__" not in path.parts)
+    return sorted({path for folder in folders for path in _data_below(folder)})
+
+
+@cache
+def _data_below(folder: Path) -> frozenset[Path]:
+    """Files in a folder and below that are not code."""
+    return frozenset(
+        path
+        for path in folder.rglob("*")
+        if path.suffix not in _NOT_CODE and "__pycache__" not in path.parts and path.is_file()
+    )
 
 
 @cache

@@ -1,6 +1,6 @@
 """The same pixels under another header: what was packed once is not packed again.
 
-Lobes that are too narrow to be blurred are all the light itself, and packing is a fourteenth of a bake. The bytes are
+Lobes that are too narrow to be blurred are all the light itself, and packing is a seventh of a bake. The bytes are
 those that `write_parts` would write.
 """
 
