@@ -20,6 +20,7 @@ from pydantic import BaseModel
 
 from skinbake.baking.bake_look import bake_look
 from skinbake.baking.session import BakeSession
+from skinbake.diffuse.terms.slab_weights import slab_weights
 from skinbake.errors import ToleranceMissedError
 from skinbake.io.config import load_look
 from skinbake.io.exr import Part, rgb_channels, write_parts
@@ -356,8 +357,8 @@ def each_change():
 
 @pytest.fixture(autouse=True)
 def quick_writing(monkeypatch):
-    """Each fit is made once, its tables are coarse, and nothing waits for the disk."""
-    fits = {}
+    """Each fit, and each medium's slabs, are made once, tables are coarse, and nothing waits for the disk."""
+    fits, slabs = {}, {}
 
     def fit_once(skin, table, over):
         key = skin.model_dump_json(), repr(table), "fit" in skin.model_fields_set, repr(over)
@@ -365,7 +366,15 @@ def quick_writing(monkeypatch):
             fits[key] = fit_skin(skin, table, over=over)
         return fits[key]
 
+    def slabs_once(gaussians, reflectance_rgb, medium=None):
+        arrays = gaussians.variance_mm2, gaussians.weight_rgb, reflectance_rgb
+        key = *(array.tobytes() for array in arrays), gaussians.normalise, repr(medium)
+        if key not in slabs:
+            slabs[key] = slab_weights(gaussians, reflectance_rgb, medium)
+        return slabs[key]
+
     monkeypatch.setattr("skinbake.baking.inputs.fit_skin", fit_once)
+    monkeypatch.setattr("skinbake.diffuse.terms.thin_parts.slab_weights", slabs_once)
     monkeypatch.setattr("skinbake.diffuse.planning.texture_size.SMALLEST", 16)
     monkeypatch.setattr("skinbake.profile.fit_table.NODES", {1: (5, 1), 2: (3, 2)})
     monkeypatch.setattr("os.fsync", lambda file: None)
