@@ -24,7 +24,7 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
 from skinbake.diffuse.terms.beam import BeamLight
-from skinbake.diffuse.terms.diffuse_profile import EverywhereLight
+from skinbake.diffuse.terms.diffuse_profile import HELD, EverywhereLight
 from skinbake.machine import return_freed
 from skinbake.numerics import Float
 from skinbake.profile.gaussian_sum import GaussianSum
@@ -106,7 +106,7 @@ def diffuse(
     # Check, and scale what float32 could not sum
     fixed = method_asked_for(spec.method, spec.normalise)
     tiles = checked_source(source, lights, atlas)
-    lobes, others = len(gaussians.variance_mm2), (beam is not None) + (everywhere is not None)
+    lobes, others = len(gaussians.variance_mm2), (beam is not None) + HELD * (everywhere is not None)
     check_memory(atlas[0].shape, len(lights), len(atlas), lobes, spec.method, others, aside.on_disk)
     scaled, exponents = scaled_source(tiles)
     geometry = SkinGeometry(atlas, mesh, aside)

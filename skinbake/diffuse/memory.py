@@ -46,7 +46,7 @@ def memory_needed_bytes(
     Notes
     -----
     On disk: what steps read, up to `READ_BYTES`, and what they make beside it, fitted to the sample head at 1024^2 to
-    8192^2 with three lights: light that enters (30, 15 more for each other), or a lobe that is rounded (12 + 6 L).
+    8192^2 with three lights: light that enters (30, 45 with others), or a lobe that is rounded (12 + 6 L).
 
     In memory, an upper estimate from the arrays that live together, per texel and tile: the atlas 20 bytes and the
     source 12 L are the caller's; each lobe kept at full size is 6 (L + 1), as halves with their sum (the three
@@ -60,7 +60,7 @@ def memory_needed_bytes(
     again = (12 + 4 + 16 + 12) * lights * others
     between = int(LOOKING_BYTES * looking)
     if on_disk:
-        entering = 30 + 15 * others
+        entering = 45 if others else 30
         return int(min(160 * texels, READ_BYTES) + texels * max(entering, 12 + 6 * lights)) + between
     kept = min(lobes, 3.5) * 6 * (lights + 1)
     per_texel = 20 + 12 * lights + kept

@@ -21,6 +21,7 @@ from skinbake.diffuse.memory import check_memory, disk_needed_bytes
 from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.curvature import curve_skin
+from skinbake.diffuse.terms.diffuse_profile import HELD
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts
 from skinbake.diffuse.terms.transmission import TransmittedLight, even_share, transmit
@@ -229,10 +230,10 @@ def table_decision(gaussians: GaussianSum, table: WeightTable, skin: SkinSpec) -
 
 
 def other_lights(spec: SceneSpec) -> int:
-    """How many lights lobes of a look may blur besides the first: another of wider lobes (`terms.beam`), or one each
-    (`terms.diffuse_profile`; it is not counted where `auto` will most likely leave it out).
+    """How many lights are held at a time that lobes may blur besides the first: another of wider lobes (`terms.beam`),
+    and those of `terms.diffuse_profile`, where it is on: `auto` will most likely leave it out.
     """
-    asked = (spec.terms.beam != "off") + (spec.terms.diffuse_profile == "on")
+    asked = (spec.terms.beam != "off") + HELD * (spec.terms.diffuse_profile == "on")
     return asked if skin_medium(spec.skin).layers else 0
 
 

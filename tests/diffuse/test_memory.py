@@ -3,8 +3,8 @@
 import pytest
 
 from skinbake.diffuse import memory, scatter
-from skinbake.diffuse.memory import LOADED_BYTES, check_memory, memory_needed_bytes
-from skinbake.diffuse.scatter import refuse_too_large
+from skinbake.diffuse.memory import LOADED_BYTES, check_memory, disk_needed_bytes, memory_needed_bytes
+from skinbake.diffuse.scatter import other_lights, refuse_too_large
 from skinbake.errors import MachineError
 from skinbake.irradiance.decide import decide
 from skinbake.scene.spec import SceneSpec
@@ -51,6 +51,23 @@ def test_light_that_is_shifted_is_held_twice():
     more = memory_needed_bytes((1024, 1024), 3, others=1) - memory_needed_bytes((1024, 1024), 3)
     assert 3 * 12 * 2**20 < more < 3 * 60 * 2**20
     assert memory_needed_bytes((1024, 1024), 3, others=2) - memory_needed_bytes((1024, 1024), 3) == 2 * more
+
+
+def test_lights_of_single_lobes_are_foreseen_where_they_are_asked_for():
+    """Of a skin that has a medium; temporary files of the default look were 3.6 GB with them."""
+    plain = {
+        "mesh": {"path": "m.obj", "unit": "mm"}, "output": {"dir": "out"},
+        "lights": [{"name": "sky", "type": "environment", "radiance": [1, 1, 1]}],
+    }  # fmt: skip
+
+    def look(**keys):
+        return SceneSpec.model_validate(plain | keys)
+
+    skin = {"model": "dipole", "sigma_a_per_mm": [0.03, 0.2, 0.5], "sigma_sp_per_mm": [0.7, 0.9, 1.0]}
+    of = {word: other_lights(look(skin=skin, terms={"diffuse_profile": word})) for word in ("off", "auto", "on")}
+    assert of == {"off": 1, "auto": 1, "on": 4}
+    assert disk_needed_bytes((2048, 2048), 3, others=of["on"]) > 3.6e9
+    assert other_lights(look(skin={"model": "gaussians", "variance_mm2": [1.0], "weight_rgb": [[1, 1, 1]]})) == 0
 
 
 def test_texels_that_look_for_skin_are_counted():

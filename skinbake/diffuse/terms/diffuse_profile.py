@@ -31,6 +31,7 @@ COARSE = 256  # texels across, at most, of the copy that says how much the term 
 # Of its effect over that of a blur on a coarse plane: 3.9 and 4.4 under a sky at an index of 1 and 1.4, for what goes
 # through thin parts is blurred less or more, too, and not seen there
 MORE_IN_ALL = 4.0
+HELD = 3  # lights more than without it: what comes from everywhere, one lobe's and the next one's
 LEAST_LEFT = 0.2  # of the tolerance: so much may be left out where the other terms have no part of it
 
 
