@@ -38,7 +38,7 @@ def gaussians(weight_rgb=None, energy=1.0, variance=WIDE):
 
 
 def at(weights: SlabWeights, thickness_mm: float, channel=0, factor=1.0) -> float:
-    total = (weights.weight_rgb.sum(axis=1) * factor)[:, channel]
+    total = (weights.through_rgb * factor)[:, channel]
     return float(np.interp(np.log(thickness_mm), np.log(weights.thickness_mm), total))
 
 
@@ -102,9 +102,9 @@ def test_weights_are_positive_and_fall_beyond_two_free_paths():
     """No weight is negative; what comes through rises until it has scattered, and falls then."""
     profile, asked = gaussians(), np.array([0.6, 0.4, 0.3])
     weights = slab_weights(profile, asked)
-    assert (weights.weight_rgb >= 0).all()
+    assert (weights.through_rgb >= 0).all()
     for channel, free_path in enumerate(effective_medium(profile, asked).free_path_mm):
-        total = weights.weight_rgb.sum(axis=1)[:, channel]
+        total = weights.through_rgb[:, channel]
         thick = weights.thickness_mm > 2 * free_path
         assert (np.diff(total[thick]) <= 1e-9).all()
         assert total[0] < total.max()
@@ -113,7 +113,7 @@ def test_weights_are_positive_and_fall_beyond_two_free_paths():
 def test_no_more_comes_through_than_arrives():
     """A white profile of a medium that scatters forwards, and sends next to nothing back."""
     forward = SkinMedium((Layer(Medium(np.full(3, 2.0), np.array([0.02, 0.2, 300.0])), np.inf, 1.4, 0.9),))
-    through = slab_weights(gaussians(), np.full(3, 0.5), forward).weight_rgb.sum(axis=1)
+    through = slab_weights(gaussians(), np.full(3, 0.5), forward).through_rgb
     np.testing.assert_allclose(through[:, 0].max(), 1)
     assert through.max() <= 1 + 1e-12
     assert through[:, 2].max() < 0.9
@@ -147,10 +147,11 @@ def test_a_lit_slab_glows_with_its_transmittance(method):
     weights = slab_weights(profile, np.full(3, 0.5))
     expected = at(weights, 3.0)
     if method == "surface":
-        expected -= (0.2 * np.exp(-9 / (2 * WIDE))).sum()
+        carried = np.exp(-9 / (2 * WIDE))
+        expected -= (0.2 * carried / (1 + carried)).sum()  # of a sum over both sides
     height, width = lobe.rgb[1001].shape[1:3]
     centre = lobe.rgb[1001][0, height // 2, int(0.775 * width)]
-    np.testing.assert_allclose(centre, expected * np.array([3.0, 2.0, 1.0]), rtol=0.01)
+    np.testing.assert_allclose(centre, expected * np.array([3.0, 2.0, 1.0]), rtol=0.02)
     # The lit side gets nothing from the dark one
     assert lobe.rgb[1001][0, height // 2, int(0.2 * width)].max() < 1e-6
 
@@ -227,7 +228,7 @@ def test_light_from_behind_comes_through_by_its_slant(degrees, counted):
     )  # fmt: skip
     height, width = lobe.rgb[1001].shape[1:3]
     expected = at_slant(slab.through[0]) * np.cos(angle) * np.array([3.0, 2.0, 1.0])
-    np.testing.assert_allclose(lobe.rgb[1001][0, height // 2, int(0.775 * width)], expected, rtol=0.01)
+    np.testing.assert_allclose(lobe.rgb[1001][0, height // 2, int(0.775 * width)], expected, rtol=0.04)
 
 
 def test_far_side_of_a_sphere_is_its_antipode():
@@ -281,9 +282,9 @@ def test_a_medium_that_is_known_is_the_slab_s():
     profile = gaussians(np.tile(reflectance / 5, (5, 1)))
     for eta in (1.0, 1.4):
         known = slab_weights(profile, reflectance, SkinMedium((Layer(skin1, np.inf, eta, 0.3),)))
-        np.testing.assert_array_equal(known.weight_rgb, fit_slabs(profile, skin1, eta, 0.3).weight_rgb)
+        np.testing.assert_array_equal(known.through_rgb, fit_slabs(profile, skin1, eta, 0.3).through_rgb)
         layers = SkinMedium((Layer(skin1, 0.3, eta), Layer(skin1, np.inf, eta)))
-        several = slab_weights(profile, reflectance, layers).weight_rgb
-        effective = fit_slabs(profile, effective_medium(profile, reflectance, eta), eta).weight_rgb
+        several = slab_weights(profile, reflectance, layers).through_rgb
+        effective = fit_slabs(profile, effective_medium(profile, reflectance, eta), eta).through_rgb
         np.testing.assert_array_equal(several, effective)
-    np.testing.assert_array_equal(slab_weights(profile, reflectance).weight_rgb, several)  # 1.4 where nobody says
+    np.testing.assert_array_equal(slab_weights(profile, reflectance).through_rgb, several)  # 1.4 where nobody says

@@ -19,6 +19,7 @@ from skinbake.scene.lights import LightSpec
 from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
+STRAIGHT_IN = np.array([[0.0, 0.0, 1.0]])
 FULL_COSINE = 0.3  # what light there is where a lamp grazes has come from around, or from other skin
 
 
@@ -39,7 +40,7 @@ def inwards(occluder: Occluder, point: Image, normal: Image) -> tuple[Image, Ima
 
 
 class FarSide(NamedTuple):
-    """Where the inward normals of n points leave the flesh.
+    """Where n rays into the flesh leave it.
 
     Attributes
     ----------
@@ -51,6 +52,8 @@ class FarSide(NamedTuple):
         Cosine between the way and the outward normal there: 1 through a slab, 0 where it only grazes.
     point, normal : ndarrays of shape (n, 3)
         The place, mm about the occluder's centre, and its unit normal.
+    depth_mm : ndarray of shape (n,)
+        Of the place below the tangent plane.
     """
 
     face: NDArray[np.int64]
@@ -59,10 +62,11 @@ class FarSide(NamedTuple):
     opposed: Float
     point: Float
     normal: Float
+    depth_mm: Float
 
 
-def far_side(occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image) -> FarSide:
-    """Follow inward normals until they leave the flesh.
+def far_side(occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image, ways: Float = STRAIGHT_IN) -> FarSide:
+    """Follow rays into the flesh until they leave it: those of each point one after the other.
 
     Parameters
     ----------
@@ -70,8 +74,12 @@ def far_side(occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image) ->
     mesh : SkinMesh
     point, normal : ndarrays of shape (n, 3)
         On the surface that rays meet, mm about the occluder's centre, and unit.
+    ways : ndarray of shape (R, 3)
+        Unit directions of the rays about the inward normal.
     """
     start, inward = inwards(occluder, point, normal)
+    start, point = np.repeat(start, len(ways), axis=0), np.repeat(point, len(ways), axis=0)
+    along, inward = np.tile(ways[:, 2], len(inward)), _turned(inward, ways)
     child, in_1, in_2, distance = occluder.first_hit(start, inward)
     levels = occluder.subdivided.levels
     face, b1, b2 = ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
@@ -84,7 +92,19 @@ def far_side(occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image) ->
     way = np.where(missed, 0, distance.astype(np.float64))[:, None]
     place = start + way * inward
     thickness = np.where(missed, np.inf, np.linalg.norm(place - point, axis=1))
-    return FarSide(np.where(missed, -1, face), uv, thickness, opposed, place, there)
+    return FarSide(np.where(missed, -1, face), uv, thickness, opposed, place, there, thickness * along)
+
+
+def _turned(inward: Image, ways: Float) -> Image:
+    """Unit directions at angles to unit vectors, (n W, 3)."""
+    x, y, z = inward.T.astype(np.float64)
+    sign = np.where(z >= 0, 1.0, -1.0)
+    a = -1 / (sign + z)
+    b = x * y * a
+    one = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
+    two = np.stack([b, sign + y * y * a, -y], axis=1)
+    frame = np.stack([one, two, inward], axis=1)
+    return np.ascontiguousarray(np.einsum("wk,nki->nwi", ways, frame).reshape(-1, 3), np.float32)
 
 
 def slant_factors(
@@ -105,7 +125,7 @@ def slant_factors(
     """
     table = weights.counted_rgb if counted else weights.plain_rgb
     step = np.log(weights.thickness_mm[1] / weights.thickness_mm[0])
-    k = np.log(np.maximum(far.thickness_mm, 1e-6) / weights.thickness_mm[0]) / step
+    k = np.log(np.maximum(far.depth_mm, 1e-6) / weights.thickness_mm[0]) / step
     k = np.clip(np.where(np.isfinite(k), k, 0), 0, len(table) - 1.001)
     low = k.astype(np.int64)
     part = (k - low)[:, None]

@@ -1,4 +1,4 @@
-"""Thin parts of the skin: which texels have a far side that lets light through, and the weights of its light."""
+"""Thin parts of the skin: which texels have a far side that lets light through, and where rays from them come out."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, coarser_atlas, face_mm_per_texel
 from skinbake.diffuse.terms.far_side import FarSide, far_side, inwards
+from skinbake.diffuse.terms.flesh_rays import rays_inwards
 from skinbake.diffuse.terms.skin_hits import skin_points
 from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
@@ -36,7 +37,7 @@ class ThinTile(NamedTuple):
         Of the size that transmitted light is computed at.
     rows, cols : ndarrays of shape (n,)
     far : FarSide
-        Of these texels.
+        Of the rays of `rays_inwards` from these texels, (n R): those of a texel one after the other.
     """
 
     raster: AtlasRaster
@@ -128,22 +129,23 @@ def _look_behind(
     point, normal = skin_points(raster, mesh, occluder, rows, cols)
     near = np.flatnonzero(occluder.occluded(*inwards(occluder, point, normal), _reach(weights, len(rows))))
     far = far_side(occluder, mesh, point[near], normal[near])
-    lit = read_weights(weights, weights.weight_rgb, far).sum(axis=1).max(axis=1) >= DARK
-    lit &= far.face >= 0
-    return rows[near[lit]], cols[near[lit]], *(part[lit] for part in far)
+    lit = (far.face >= 0) & (far.opposed > 0)
+    lit &= read_weights(weights, weights.through_rgb, far).max(axis=1) >= DARK
+    near = near[lit]
+    far = far_side(occluder, mesh, point[near], normal[near], rays_inwards()[0])
+    return rows[near], cols[near], *far
 
 
 def _of_what_scatters(
     gaussians: GaussianSum, reflectance: Float, medium: SkinMedium | None
 ) -> tuple[SlabWeights, GaussianSum]:
-    """Weights of a slab whose first Gaussian, of no width, is light that never entered; and the sum without that."""
+    """What comes through of light that entered, and the Gaussians of that: the first, of no width, never did."""
     scattered = gaussians.weight_rgb[1:]
     whole = safe_div(scattered, scattered.sum(axis=0)) * gaussians.weight_rgb.sum(axis=0)
     inside = replace(gaussians, variance_mm2=gaussians.variance_mm2[1:], weight_rgb=whole, table=None)
     slab = slab_weights(inside, reflectance, medium)
-    padded = np.concatenate([np.zeros_like(slab.weight_rgb[:, :1]), slab.weight_rgb], axis=1)
     none = np.zeros((1, 3))
-    return replace(slab, weight_rgb=padded), replace(gaussians, weight_rgb=np.concatenate([none, whole]))
+    return slab, replace(gaussians, weight_rgb=np.concatenate([none, whole]))
 
 
 def transmitted_level(full_mm: float, texel_mm: float = TEXEL_MM) -> int:
@@ -153,24 +155,24 @@ def transmitted_level(full_mm: float, texel_mm: float = TEXEL_MM) -> int:
 
 def _reach(weights: SlabWeights, rays: int) -> Image:
     """Thickness beyond which all is dark, for each ray."""
-    lit = np.flatnonzero(np.abs(weights.weight_rgb).sum(axis=1).max(axis=1) >= DARK)
+    lit = np.flatnonzero(weights.through_rgb.max(axis=1) >= DARK)
     last = min(int(lit.max(initial=-1)) + 1, len(weights.thickness_mm) - 1)
     return np.full(rays, weights.thickness_mm[last], np.float32)
 
 
 def read_weights(weights: SlabWeights, table: Float, far: FarSide) -> Image:
-    """Weights for each ray, (n, N, 3); linear in the logarithm of the thickness, dark beyond the table.
+    """Values for each ray, (n, 3); linear in the logarithm of its length, dark beyond the table.
 
     Parameters
     ----------
     weights : SlabWeights
         Has the table's thicknesses.
-    table : ndarray of shape (K, N, 3)
+    table : ndarray of shape (K, 3)
     far : FarSide
         Of n rays.
     """
     step = float(np.log(weights.thickness_mm[1] / weights.thickness_mm[0]))
-    out = np.zeros((len(far.face), *table.shape[1:]), np.float32)
+    out = np.zeros((len(far.face), table.shape[1]), np.float32)
     thinnest_mm = float(weights.thickness_mm[0])
     rays = np.ascontiguousarray(far.thickness_mm), np.ascontiguousarray(far.opposed)
     parallel_for(_read_table, len(out), table, thinnest_mm, step, rays, out)
@@ -185,24 +187,23 @@ def _read_table(first, stop, table, thinnest_mm, step, rays, out):  # type: igno
     ----------
     first, stop : int
         Rays.
-    table : ndarray of shape (K, N, 3)
-        Weights at thicknesses in even steps of their logarithm.
+    table : ndarray of shape (K, 3)
+        Values at lengths in even steps of their logarithm.
     thinnest_mm, step : float
         The first one, and the step.
     rays : tuple of two ndarrays of shape (n,)
-        Thickness that each passes, mm, and the factor on its weights.
-    out : ndarray of shape (n, N, 3), float32
+        Length of each in flesh, mm, and the cosine at which it leaves: nothing comes where that is not above 0.
+    out : ndarray of shape (n, 3), float32
         Written; zero where it is dark.
     """
-    thickness_mm, opposed = rays
+    length_mm, opposed = rays
     last = len(table) - 1
     for ray in range(first, stop):
-        k = np.log(max(thickness_mm[ray], 1e-6) / thinnest_mm) / step
+        k = np.log(max(length_mm[ray], 1e-6) / thinnest_mm) / step
         if not (k < last and opposed[ray] > 0):
             continue
         k = max(k, 0.0)
         low = min(int(k), last - 1)
         t = k - low
-        for c in range(3):
-            for i in range(table.shape[1]):
-                out[ray, i, c] = (table[low, i, c] * (1 - t) + table[low + 1, i, c] * t) * opposed[ray]
+        for c in range(table.shape[1]):
+            out[ray, c] = table[low, c] * (1 - t) + table[low + 1, c] * t

@@ -1,9 +1,10 @@
 """Light that comes through thin parts: ear rims, nostrils, lips.
 
-Behind each point lies, straight through the flesh, a point of the far side. What leaves here is the blurred light that
-arrived there, weighed by the transmittance of a slab as thick as the flesh between (`slab_weights`). The ray goes along
-the inward normal rather than towards each light: diffuse light has forgotten where it came from, and one ray serves all
-lights, soft ones included.
+From each point rays go into the flesh. What leaves here is the light that arrived where they come out, weighed by how
+long they are, such that a slab lets through what it does (`flesh_rays`). They look all ways rather than towards each
+light: diffuse light has forgotten where it came from, and the same rays serve all lights, soft ones included. One ray
+along the normal found too little behind ears, where the light comes about a corner: light in thin parts that no sun
+reaches was 0.76 / 0.69 / 0.83 of what walks find on the sample head at an index of 1.4.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from skinbake.atlas.sample import texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.terms.far_side import FarSide, slant_factors
-from skinbake.diffuse.terms.slab_weights import SlabWeights
+from skinbake.diffuse.terms.flesh_rays import gathered, through_along
 from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
@@ -39,6 +40,7 @@ from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
+STEEPEST = 0.1  # least cosine at which a ray leaves, of what the lobes carry themselves
 SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
 SEEN_SHARE = 0.001  # of the skin: `auto` looks at the brightest part of that size
 WORTH = 5.0  # tolerances of the mean radiance that part must reach
@@ -120,13 +122,12 @@ def transmit(
         return None, Decision("transmission", False, "off")
     thin = thin or ThinParts.of(mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter)
     weights, gaussians, atlas = thin.weights, thin.gaussians, [each.raster for each in thin.tiles]
-    carried = _carried_already(weights, diffused, gaussians)
     of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
     rgb, through, reflected = {}, [], []
     for raster, rows, cols, far in thin.tiles:
         factor = np.stack([slant_factors(weights, far, *light, thin.centre_mm) for light in of_names])
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
-        image[:, rows, cols] = np.maximum(_across(diffused, mesh, udim, weights, carried, far, factor, rest, times), 0)
+        image[:, rows, cols] = gathered(_across(diffused, mesh, udim, thin, far, factor, rest, times))
         rgb[raster.tile] = image
         through.append((image[:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
         reflected.append(_reflected(diffused, mesh, udim, gaussians, raster, rest))
@@ -147,61 +148,67 @@ def even_share(diffused: DiffuseMap, thin: ThinParts) -> dict[int, Image]:
         Blurred irradiance.
     thin : ThinParts
     """
-    added = thin.weights.weight_rgb - _carried_already(thin.weights, diffused, thin.gaussians)
     total, found = thin.gaussians.weight_rgb.sum(axis=0), {}
     for raster, rows, cols, far in thin.tiles:
         image = np.zeros((*raster.shape, 3), np.float32)
-        through = read_weights(thin.weights, added, far).sum(axis=1)
-        image[rows, cols] = safe_div(np.maximum(through, 0), total)
+        weight, less = _of_rays(diffused, thin, far)
+        image[rows, cols] = safe_div(gathered(np.maximum(weight - less, np.float32(0))), total)
         found[raster.tile] = image
     return found
 
 
-def _carried_already(weights: SlabWeights, diffused: DiffuseMap, gaussians: GaussianSum) -> Float:
-    """Weights that lobes summed over the surface in space carry through a slab themselves, (K, N, 3); theory.md 7.2."""
-    carried = np.zeros_like(weights.weight_rgb)
-    for i, lobe in enumerate(diffused.lobes):
+def _of_rays(diffused: DiffuseMap, thin: ThinParts, far: FarSide) -> tuple[Image, Image]:
+    """What rays bring, and what lobes that were summed over the surface in space have of that already, both (n R, 3).
+
+    The face that a ray of length r meets at a cosine has r^2 / cosine of area a unit of solid angle: 2 pi r^2 G(v, r) a
+    share of the hemisphere. Through a slab that adds up to exp(-d^2 / 2v), as it must (theory.md 7.2), and the lobe's
+    sum is over that and its own side's 1.
+    """
+    steep = np.maximum(far.opposed, STEEPEST).astype(np.float32)[:, None]
+    less = np.zeros((len(steep), 3), np.float32)
+    for lobe, weight in zip(diffused.lobes, thin.gaussians.weight_rgb, strict=True):
         if lobe.method and METHODS[lobe.method].through_flesh and lobe.variance_mm2 > 0:
-            through = np.exp(-(weights.thickness_mm**2) / (2 * lobe.variance_mm2))
-            carried[:, i] = through[:, None] * gaussians.weight_rgb[i]
-    return carried
+            part = thin.weights.thickness_mm**2 / (2 * lobe.variance_mm2)
+            along = read_weights(thin.weights, (2 * part * np.exp(-part))[:, None], far) / steep
+            whole = 1 + gathered(along)
+            less += along / np.repeat(whole, len(along) // max(len(whole), 1), axis=0) * weight.astype(np.float32)
+    return read_weights(thin.weights, through_along(thin.weights), far), less
 
 
 def _across(
     diffused: DiffuseMap,
     mesh: SkinMesh,
     udim: bool,
-    weights: SlabWeights,
-    carried: Float,
+    thin: ThinParts,
     far: FarSide,
     factor: Image,
     rest: Callable[[], None],
     times: Float | None,
 ) -> Image:
-    """Light that comes through the flesh from n places of its far side, (L, n, 3).
+    """Light that comes along n rays, (L, n, 3), not below 0.
+
+    It is read from the widest lobe that is not wider than a free path, which light goes at either end: unblurred, each
+    ray would show the far side's shadows, and wider lobes would blur what the rays' directions blur already.
 
     Parameters
     ----------
     diffused : DiffuseMap
     mesh : SkinMesh
     udim : bool
-    weights : SlabWeights
-    carried : ndarray of shape (K, N, 3)
-        What is taken off them.
+    thin : ThinParts
     far : FarSide
     factor : ndarray of shape (L, n, 3), float32
-        On the weights, by light.
+        On what rays bring, by light.
     rest, times
         As in `transmit`.
     """
-
-    def of_lobe(number: int) -> _OfLobe:
-        # A slab's weights are of the light once
-        own = factor if times is None else (factor / times[:, number, None]).astype(np.float32)
-        read = read_weights(weights, np.stack([weights.weight_rgb[:, number], carried[:, number]], axis=1), far)
-        return _OfLobe(read[:, 0].copy(), read[:, 1].copy(), own)
-
-    return _gather(diffused, mesh, udim, far.face, far.uv, of_lobe, rest)
+    narrow = [i for i, lobe in enumerate(diffused.lobes) if lobe.variance_mm2 <= thin.weights.free_path_mm**2]
+    of_rays = _OfLobe(*_of_rays(diffused, thin, far), factor)
+    read = narrow[-1] if narrow else 0
+    light = _gather(diffused, mesh, udim, far.face, far.uv, lambda number: of_rays if number == read else None, rest)
+    if times is not None:  # what rays bring is of the light once
+        light /= times[:, read, None].astype(np.float32)
+    return np.maximum(light, 0, out=light)
 
 
 class _OfLobe(NamedTuple):
@@ -226,7 +233,7 @@ def _gather(
     udim: bool,
     face: Index,
     uv: Float,
-    of_lobe: Callable[[int], _OfLobe],
+    of_lobe: Callable[[int], _OfLobe | None],
     rest: Callable[[], None],
 ) -> Image:
     """Weighted sum of the lobes at places (n) of the texture, each light apart, shape (L, n, 3).
@@ -239,7 +246,7 @@ def _gather(
     face : ndarray of shape (n,)
     uv : ndarray of shape (n, 2)
     of_lobe : callable
-        Gives what of a lobe counts, by its number.
+        Gives what of a lobe counts, by its number; None: it is not read.
     rest : callable
         As in `transmit`.
     """
@@ -251,6 +258,8 @@ def _gather(
         places.append((tile, pick, local_uv(uv[pick], tile)))
     for i, lobe in enumerate(diffused.lobes):
         of = of_lobe(i)
+        if of is None:
+            continue
         for tile, pick, local in places:
             stored = lobe.rgb[tile]
             around = _Around(np.empty((len(pick), 4), np.int64), np.empty((len(pick), 2)))

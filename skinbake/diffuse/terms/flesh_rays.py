@@ -1,0 +1,53 @@
+"""Rays from a point of the skin into the flesh: what comes along each, so that a slab lets through what it does.
+
+Through a slab of thickness d a ray at the cosine mu has the length d / mu. If one of length r brings t(r) = T - r dT/dr
+a share of the hemisphere of directions, all of them bring the integral of d/dmu (mu T(d / mu)), which is T(d), exactly
+and for any T. In flesh of another form that is Green's identity: of light that dies away as exp(-kappa r) it gives
+(1 + kappa r) exp(-kappa r) times what is there where the ray leaves the flesh (theory.md 7.4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinbake.diffuse.terms.slab_weights import SlabWeights
+from skinbake.numerics import Float
+
+Image = NDArray[np.float32]
+WIDEST = 0.25  # least cosine: rays that graze meet the point's own side
+RINGS, AROUND = 2, 6  # two cosines make slabs of all thicknesses right to 2 %
+TERMS = 8
+
+
+def rays_inwards() -> tuple[Float, Float]:
+    """Directions about an inward normal (0, 0, 1), (R, 3), and their shares of the hemisphere, (R,)."""
+    node, share = np.polynomial.legendre.leggauss(RINGS)
+    cosine = np.repeat(WIDEST + (1 - WIDEST) * (node + 1) / 2, AROUND)
+    turn = np.arange(RINGS * AROUND) + np.repeat(np.arange(RINGS) / 2, AROUND)
+    angle, sine = 2 * np.pi * turn / AROUND, np.sqrt(1 - cosine**2)
+    ways = np.stack([sine * np.cos(angle), sine * np.sin(angle), cosine], axis=1)
+    return ways, np.repeat((1 - WIDEST) * share / 2 / AROUND, AROUND)
+
+
+def through_along(slabs: SlabWeights) -> Float:
+    """t(r) for rays of the lengths `slabs.thickness_mm`, (K, 3), for cosines from `WIDEST` to 1.
+
+    These bring U(d) - c U(d / c) of t = U - r dU/dr, c the least cosine: T(d) for U(d) = T(d) + c T(d / c) + ...
+    """
+    logarithm = np.log(slabs.thickness_mm)
+    whole = np.zeros_like(slabs.through_rgb)
+    for k in range(TERMS):
+        further = logarithm - k * np.log(WIDEST)
+        for c in range(whole.shape[1]):
+            whole[:, c] += WIDEST**k * np.interp(further, logarithm, slabs.through_rgb[:, c], right=0.0)
+    slope: Float = np.gradient(whole, logarithm, axis=0)
+    return whole - slope
+
+
+def gathered(along: Image) -> Image:
+    """Light that the rays of each point bring, (..., n R, C), as a sum over them, (..., n, C)."""
+    share = rays_inwards()[1].astype(np.float32)
+    by_point = along.reshape(*along.shape[:-2], -1, len(share), along.shape[-1])
+    total: Image = np.einsum("...rc,r->...c", by_point, share)
+    return total
