@@ -21,7 +21,7 @@ SKIN_MM2 = 200_000.0  # of a head, more with its neck
 BOUNCED = 0.037  # of its light that skin sends to skin; heads
 NOISE = Bounced(BOUNCED, 0.018)
 A_RAY_S, A_RECEIVER_S = 0.42e-6, 1.6e-6  # of light from skin to skin: of a ray, and of a texel and a light
-WALL = 0.65  # seconds on two cores of one of processor time
+ALONE = 0.3  # of processor time, that one core works while the others wait
 START_S = 0.9  # of the process, until it reads
 
 
@@ -79,7 +79,12 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
         cpu["relight"] = 55 + 1.1 * textures  # 5 to 12 to trace, the rest to bake lights that judge it
     if not spec.lights:
         cpu = {name: seconds for name, seconds in cpu.items() if name in ("read", "profile", "relight")}
-    return {name: WALL * seconds for name, seconds in cpu.items()}
+    return {name: share_of_wall(2) * seconds for name, seconds in cpu.items()}
+
+
+def share_of_wall(cores: int) -> float:
+    """Seconds on some cores of one of processor time."""
+    return ALONE + (1 - ALONE) / cores
 
 
 def _directions(asked: int | None, budget: Budget) -> float:

@@ -2,18 +2,22 @@
 
 `skinbake.baking.cost_model` says what they take on the machine that it was fitted on. How much longer this one takes is
 kept in the user's cache, a file a machine and version of the model; each bake renews it, and who removes the file
-begins anew.
+begins anew, with a guess by a moment's work.
 """
 
 from __future__ import annotations
 
 import json
 import platform
+import time
 from collections.abc import Collection, Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
-from skinbake.baking.cost_model import TRIANGLES, Work, stage_seconds
+import numpy as np
+
+from skinbake.baking.cost_model import TRIANGLES, Work, share_of_wall, stage_seconds
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.stage_log import StageLog
 from skinbake.diffuse.scatter import LIKELY_LOBES
@@ -30,6 +34,7 @@ from skinbake.scene.spec import SceneSpec
 LEAST, MOST = 0.05, 50.0  # times the model's seconds that a machine is believed to take
 TELLING_TEXELS = 512 * 512  # the least whose time says something of the machine
 NOTABLE = 0.1  # change of that which is worth a file
+MOMENT_S = 0.0115  # that `_first_guess` works on a machine that takes the model's seconds
 STAGES = frozenset({"read", "raster", "profile", "irradiance", "diffuse", "relight", "preview", "write"})
 
 
@@ -50,7 +55,7 @@ def rule_of_thumb(spec: SceneSpec, budget: Budget | None = None, triangles: int 
 def paced(seconds: Mapping[str, float]) -> dict[str, float]:
     """Seconds of the model as this machine takes them."""
     before = _kept()
-    return {name: of * before.get(name, 1.0) for name, of in seconds.items()}
+    return {name: of * _times(before, name) for name, of in seconds.items()}
 
 
 def expected_seconds(inputs: BakeInputs, stages: Stages, asked: Collection[str] = STAGES) -> dict[str, float]:
@@ -91,6 +96,25 @@ def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
     if path is not None and any(abs(now[name] / before.get(name, MOST) - 1) > NOTABLE for name in now):
         with suppress(SkinbakeError, OSError):
             write_text(path, json.dumps(now, indent=1, sort_keys=True) + "\n")
+
+
+def _times(kept: Mapping[str, float], name: str) -> float:
+    """How many times the model's seconds a stage takes here."""
+    return kept[name] if name in kept else _first_guess()
+
+
+@cache
+def _first_guess() -> float:
+    """How many times the model's seconds a machine takes of which nothing is kept: by a moment's work and its cores."""
+    numbers = np.random.default_rng(0).random(400_000)
+    taken = []
+    for _ in range(3):
+        begin = time.perf_counter()
+        np.sort(numbers)
+        np.exp(numbers).sum()
+        sum(number * number for number in range(200_000))
+        taken.append(time.perf_counter() - begin)
+    return _believed(min(taken) / MOMENT_S * share_of_wall(processors()) / share_of_wall(2))
 
 
 def _believed(times: float) -> float:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from skinbake.baking import pace
-from skinbake.baking.cost_model import WALL, Work, looking, stage_seconds
+from skinbake.baking.cost_model import Work, looking, share_of_wall, stage_seconds
 from skinbake.baking.inputs import BakeInputs
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
@@ -39,7 +40,7 @@ def test_the_sample_head_is_predicted(case):
     """Within a factor of 1.5, the stages together."""
     look, size, tolerance = case
     spec = head(size, tolerance, look)
-    expected = sum(pace.rule_of_thumb(spec, budget_of(spec, LOST.get(tolerance, 0.0))).values()) / WALL
+    expected = sum(pace.rule_of_thumb(spec, budget_of(spec, LOST.get(tolerance, 0.0))).values()) / share_of_wall(2)
     assert TAKEN[case] / WITHIN < expected < TAKEN[case] * WITHIN
 
 
@@ -80,6 +81,7 @@ def test_triangles_are_known_before_the_mesh_is_read():
 def test_the_machine_s_pace_is_kept_and_renewed(tmp_path, monkeypatch):
     """A bake that takes twice as long as expected doubles what is expected; a damaged file says nothing."""
     monkeypatch.setenv("SKINBAKE_CACHE", str(tmp_path))
+    monkeypatch.setattr(pace, "_first_guess", lambda: 1.0)
     inputs, log = BakeInputs(head(512, 0.01), BakeSession(), StageLog()), StageLog()
     rule = pace.rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
     assert pace.paced(rule) == rule
@@ -94,3 +96,15 @@ def test_the_machine_s_pace_is_kept_and_renewed(tmp_path, monkeypatch):
     assert pace.paced(rule) == rule
     pace.keep_pace(BakeInputs(head(256, 0.01), BakeSession(), StageLog()), log)
     assert path.read_text() == "["  # too small to say anything
+
+
+def test_a_machine_of_which_nothing_is_known_is_guessed_by_a_moment_s_work(tmp_path, monkeypatch):
+    """One that is slower by half at it, or has one core of two, is expected to take longer by as much."""
+    monkeypatch.setenv("SKINBAKE_CACHE", str(tmp_path))
+    clock = iter(np.cumsum([0.0] + [1.5 * pace.MOMENT_S, 0.1] * 6))
+    monkeypatch.setattr(pace.time, "perf_counter", lambda: next(clock))
+    guess = pace._first_guess.__wrapped__
+    monkeypatch.setattr(pace, "processors", lambda: 2)
+    assert guess() == pytest.approx(1.5)
+    monkeypatch.setattr(pace, "processors", lambda: 1)
+    assert guess() == pytest.approx(1.5 / 0.65)
