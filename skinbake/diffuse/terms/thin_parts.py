@@ -23,8 +23,8 @@ from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
-TEXEL_MM = 0.4  # transmitted light is smooth: no finer texels than these are computed or stored
-FEW_MM = 1.6  # of the texels by which `auto` decides where that is plain: a sixteenth of them
+TEXEL_MM = 0.8  # transmitted light is smooth: it is computed and stored at texels of up to these
+FEW_MM = 1.6  # of the texels by which `auto` decides where that is plain: a quarter of them
 _AT_ONCE = 1 << 18  # texels that are looked behind at a time
 
 
