@@ -131,10 +131,11 @@ def test_a_slab_takes_the_light_once(method):
     ]
     skin = mesh, profile, size, 4, False, np.array([0.5] * 3), "on", 0.01
     once, same = transmit(diffused, *skin)[0], transmit(replace(diffused, lobes=tuple(more)), *skin, times=times)[0]
-    carried = np.exp(-9 / (2 * profile.variance_mm2[:, None])) * profile.weight_rgb if method == "surface" else 0
+    through = np.exp(-9 / (2 * profile.variance_mm2[:, None]))
+    carried = through / (1 + through) * profile.weight_rgb if method == "surface" else 0  # of a sum over both sides
     place = (1001, (0, size[1] // 2, int(0.775 * size[0])))
     less = ((times[0] - 1) * carried).sum(axis=0) * (3.0, 2.0, 1.0)
-    np.testing.assert_allclose(same.rgb[1001][place[1]], once.rgb[1001][place[1]] - less, rtol=0.01)
+    np.testing.assert_allclose(same.rgb[1001][place[1]], once.rgb[1001][place[1]] - less, rtol=0.02)
 
 
 @pytest.mark.parametrize("method", ["texture", "surface"])

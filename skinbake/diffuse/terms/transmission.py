@@ -151,14 +151,14 @@ def even_share(diffused: DiffuseMap, thin: ThinParts) -> dict[int, Image]:
     total, found = thin.gaussians.weight_rgb.sum(axis=0), {}
     for raster, rows, cols, far in thin.tiles:
         image = np.zeros((*raster.shape, 3), np.float32)
-        weight, less = _of_rays(diffused, thin, far)
-        image[rows, cols] = safe_div(gathered(np.maximum(weight - less, np.float32(0))), total)
+        more = _along(thin, far) - _carried_already(diffused, thin, far)
+        image[rows, cols] = safe_div(gathered(np.maximum(more, np.float32(0))), total)
         found[raster.tile] = image
     return found
 
 
-def _of_rays(diffused: DiffuseMap, thin: ThinParts, far: FarSide) -> tuple[Image, Image]:
-    """What rays bring, and what lobes that were summed over the surface in space have of that already, both (n R, 3).
+def _carried_already(diffused: DiffuseMap, thin: ThinParts, far: FarSide, times: Float | None = None) -> Image:
+    """What lobes that were summed over the surface in space have of what rays bring already, (n R, 3).
 
     The face that a ray of length r meets at a cosine has r^2 / cosine of area a unit of solid angle: 2 pi r^2 G(v, r) a
     share of the hemisphere. Through a slab that adds up to exp(-d^2 / 2v), as it must (theory.md 7.2), and the lobe's
@@ -166,13 +166,19 @@ def _of_rays(diffused: DiffuseMap, thin: ThinParts, far: FarSide) -> tuple[Image
     """
     steep = np.maximum(far.opposed, STEEPEST).astype(np.float32)[:, None]
     less = np.zeros((len(steep), 3), np.float32)
-    for lobe, weight in zip(diffused.lobes, thin.gaussians.weight_rgb, strict=True):
+    weights = thin.gaussians.weight_rgb if times is None else thin.gaussians.weight_rgb * times
+    for lobe, weight in zip(diffused.lobes, weights, strict=True):
         if lobe.method and METHODS[lobe.method].through_flesh and lobe.variance_mm2 > 0:
             part = thin.weights.thickness_mm**2 / (2 * lobe.variance_mm2)
             along = read_weights(thin.weights, (2 * part * np.exp(-part))[:, None], far) / steep
             whole = 1 + gathered(along)
             less += along / np.repeat(whole, len(along) // max(len(whole), 1), axis=0) * weight.astype(np.float32)
-    return read_weights(thin.weights, through_along(thin.weights), far), less
+    return less
+
+
+def _along(thin: ThinParts, far: FarSide) -> Image:
+    """What rays bring, (n R, 3)."""
+    return read_weights(thin.weights, through_along(thin.weights), far)
 
 
 def _across(
@@ -203,7 +209,11 @@ def _across(
         As in `transmit`.
     """
     narrow = [i for i, lobe in enumerate(diffused.lobes) if lobe.variance_mm2 <= thin.weights.free_path_mm**2]
-    of_rays = _OfLobe(*_of_rays(diffused, thin, far), factor)
+    if times is None:
+        less = [_carried_already(diffused, thin, far)] * len(factor)
+    else:
+        less = [_carried_already(diffused, thin, far, of_light) for of_light in times]
+    of_rays = _OfLobe(_along(thin, far), less, factor)
     read = narrow[-1] if narrow else 0
     light = _gather(diffused, mesh, udim, far.face, far.uv, lambda number: of_rays if number == read else None, rest)
     if times is not None:  # what rays bring is of the light once
@@ -216,14 +226,15 @@ class _OfLobe(NamedTuple):
 
     Attributes
     ----------
-    weight, less : ndarrays of shape (n, 3), float32
-        Its weight, and what is taken off that.
+    weight : ndarray of shape (n, 3), float32
+    less : list of L ndarrays of shape (n, 3), float32; one of them in kernels
+        What is taken off the weight, by light.
     factor : ndarray of shape (L, n, 3), float32
         On the weights, by light.
     """
 
     weight: Image
-    less: Image
+    less: list[Image] | Image
     factor: Image
 
 
@@ -267,7 +278,7 @@ def _gather(
             for light, image in enumerate(stored):
                 # Few texels of many, which may be halves
                 texels = image.reshape(-1, 3)[around.flat].astype(np.float32)
-                mine = of._replace(factor=of.factor[light])
+                mine = of._replace(less=of.less[light], factor=of.factor[light])
                 parallel_for(_add_bilinear, len(pick), texels, around.share, pick, mine, out[light])
         rest()
     return out
@@ -325,7 +336,7 @@ def _add_bilinear(first, stop, texels, share, pick, of, out):  # type: ignore[no
     pick : ndarray of shape (n,)
         Row of `of` and of `out` that each place has.
     of : _OfLobe
-        Of all places; its `factor` is the light's, (all, 3).
+        Of all places; its `less` and `factor` are the light's, (all, 3).
     out : ndarray of shape (all, 3)
         Added to.
     """
@@ -354,7 +365,7 @@ def _reflected(
     none, factor = np.zeros((len(rows), 3), np.float32), np.ones((len(diffused.lights), len(rows), 3), np.float32)
 
     def of_lobe(number: int) -> _OfLobe:
-        return _OfLobe(np.repeat(weight[None, number], len(rows), axis=0), none, factor)
+        return _OfLobe(np.repeat(weight[None, number], len(rows), axis=0), [none] * len(factor), factor)
 
     light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, of_lobe, rest)
     return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
