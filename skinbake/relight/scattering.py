@@ -204,9 +204,12 @@ class Scattering:
             self._thin = ThinParts.of(
                 mesh, self._gaussians, *laid_out, self._mean_albedo, occluder, self._medium, scatter
             )
+        assert spec.relight is not None
+        # What shows beside what the textures leave wrong
+        tolerance = max(spec.diffusion.tolerance, spec.relight.tolerance)
         lobe, line = transmit(
-            diffused, mesh, self._gaussians, *laid_out, self._mean_albedo, self._through, spec.diffusion.tolerance,
-            occluder, self._medium, self._terms_left(), scatter=scatter, thin=self._thin,
+            diffused, mesh, self._gaussians, *laid_out, self._mean_albedo, self._through, tolerance, occluder,
+            self._medium, self._terms_left(), scatter=scatter, thin=self._thin,
         )  # fmt: skip
         if first:
             self.lines.append(Decision("relight.transmission", line.enabled, line.why, line.error))
