@@ -49,3 +49,11 @@ def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
     assert "relight.interreflection" in {line.term for line in made.plan if line.enabled}
     assert len(looks) == 1
     assert len(calls) == 1 + ("relight.transmission" in {line.term for line in made.plan if line.enabled})
+
+
+@pytest.mark.parametrize(("of_look", "of_relight", "said"), [(0.01, 0.02, "10.0%"), (0.05, 0.02, "25.0%")])
+def test_light_through_thin_parts_goes_by_the_larger_tolerance(baked, of_look, of_relight, said):
+    changes = f"diffusion.tolerance={of_look}", f"relight.tolerance={of_relight}", "relight.textures=4"
+    made = baked("terms.transmission=auto", "diffusion.method=auto", *changes)
+    (line,) = [line for line in made.plan if line.term == "relight.transmission"]
+    assert f"worth it from {said}" in line.why
