@@ -90,9 +90,8 @@ def _bake(manifest: dict[str, Any], inputs: dict[str, dict[str, str]]) -> list[s
     if model := error.get("model"):
         from skinbake.transport.model_error import rms_words
 
-        lines.append(
-            f"model    rms {rms_words(model['rms'], model['stderr'])}, from light transport, {model['points']} points"
-        )
+        rms = rms_words(model["rms"], model["stderr"])
+        lines.append(f"model    rms {rms}, against light transport, {model['points']} points")
     if manifest["timings"]:
         lines.append("seconds  " + ", ".join(f"{stage} {s:.2f}" for stage, s in manifest["timings"].items()))
     if manifest["peak_memory_mib"]:

@@ -58,6 +58,12 @@ def command(
         print(f"{folder / 'truth.json'}, truth.png", file=sys.stderr)
 
 
+_LEGEND = """\
+Shares of each group's light. <3.5: lost in the noise of the walks, which is 3.5; more --walks say more. bias: by how
+much the bake is brighter. edges: within 3 mm of an edge of light, cast edges: of a cast shadow, thin: flesh below 8 mm,
+creases: where skin sees much skin."""
+
+
 def _print(error: dict[str, Any], split: dict[str, Any]) -> None:
     """Tables on the terminal."""
     from rich.console import Console
@@ -79,6 +85,7 @@ def _print(error: dict[str, Any], split: dict[str, Any]) -> None:
         figures = (off(found), row(found["stderr_rgb"]), row(found["bias_rgb"]))
         table.add_row(name, str(found["points"]), *figures)
     console.print(table)
+    console.print(_LEGEND, highlight=False)
     if not split:
         return
     table = Table(title="what each term takes off it (standard error), and the rest, rms % (R, G, B)")

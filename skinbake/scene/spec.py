@@ -318,9 +318,11 @@ class SceneSpec(Strict):
     @classmethod
     def _not_beside_relight(cls, terms: TermsSpec, info: ValidationInfo) -> TermsSpec:
         if info.data.get("relight") and terms.beam == "on":
-            raise ValueError("expected beam: auto or off beside relight, which knows no beams, got on")
+            raise ValueError("expected terms.beam: auto or off beside relight, which knows no beams, got on")
         if info.data.get("relight") and terms.diffuse_profile == "on":
-            raise ValueError("expected diffuse_profile: auto or off beside relight, which has one profile, got on")
+            raise ValueError(
+                "expected terms.diffuse_profile: auto or off beside relight, of one profile for all, got on"
+            )
         return terms
 
     @field_validator("lights")

@@ -92,7 +92,7 @@ def rms_words(rms: float, stderr: float) -> str:
         As in `GroupError`, of a channel or of all.
     """
     if rms < stderr:
-        return f"below the noise of its walks, {stderr:.1%}"
+        return f"below {stderr:.1%}, the noise of its walks"
     return f"{rms:.1%} +- {stderr:.1%}"
 
 

@@ -108,8 +108,8 @@ def test_what_cannot_be_shown_is_refused(look, capsys, options, message):
         ("relight={size: 4096}", "expected a size of at most that of the texture, 30"),
         ("relight={textures: 100}", "relight.textures"),
         ("relight=always", "expected a mapping, or reuse, got always"),
-        ("terms.beam=on", "expected beam: auto or off beside relight"),
-        ("terms.diffuse_profile=on", "expected diffuse_profile: auto or off beside relight"),
+        ("terms.beam=on", "expected terms.beam: auto or off beside relight"),
+        ("terms.diffuse_profile=on", "expected terms.diffuse_profile: auto or off beside relight"),
     ],
 )
 def test_looks_that_contradict_themselves_are_refused(look, capsys, change, message):

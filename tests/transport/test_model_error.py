@@ -25,7 +25,7 @@ def test_noise_is_not_the_bake_s_error():
 
 def test_a_distance_below_the_noise_is_not_called_none():
     assert rms_words(0.041, 0.003) == "4.1% +- 0.3%"
-    assert rms_words(0.0, 0.02) == "below the noise of its walks, 2.0%"
+    assert rms_words(0.0, 0.02) == "below 2.0%, the noise of its walks"
 
 
 def test_weights_and_groups_choose_the_points():
