@@ -80,6 +80,7 @@ def test_texels_that_are_too_coarse_and_lights_that_reach_nothing_are_told(tmp_p
 def test_triangles_count_in_memory_and_time(tmp_path, capsys, monkeypatch):
     """Those of what only casts, too."""
     monkeypatch.setenv("SKINBAKE_CACHE", str(tmp_path / "cache"))  # no pace of this machine
+    monkeypatch.setattr("skinbake.baking.pace._first_guess", lambda: 1.0)
     path, found = look(tmp_path, quad(240.0, 120.0)), []
     write_obj(tmp_path / "hat.obj", quad(50, 50, 100, columns=100, rows=100))
     hat = f"occluders=[{{path: {tmp_path}/hat.obj, unit: mm}}]"
