@@ -7,7 +7,6 @@ much, is told by the rate at which light from everywhere dies away below the fac
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import nnls
 
 from skinbake.numerics import Float, safe_div
 from skinbake.profile.fresnel import boundary_factor
@@ -54,6 +53,8 @@ def curved_share(gaussians: GaussianSum, medium: Medium, eta: float) -> Float:
     medium : Medium
     eta : float
     """
+    from scipy.optimize import nnls
+
     frequency = np.concatenate([[0.0], np.geomspace(1e-2, 60.0, 200)])
     importance = np.sqrt(np.gradient(frequency) * frequency)
     importance[0] = 30 * importance.max()  # the total

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from skinbake.numerics import Float
 from skinbake.profile.fresnel import boundary_factor
@@ -55,6 +54,8 @@ def effective_medium(gaussians: GaussianSum, reflectance_rgb: Float, eta: float 
     eta : float
         Index of the medium over that of air.
     """
+    from scipy.optimize import brentq
+
     boundary = boundary_factor(eta)
     sigma_a, sigma_sp = np.zeros(3), np.zeros(3)
     for c in range(3):

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from skinbake.numerics import Float
 from skinbake.profile.fresnel import reflectance_from_inside
@@ -79,6 +78,8 @@ def slab_transport(medium: Medium, eta: float, thickness_mm: Float, nodes: int =
     ----------
     [vandeHulst1980]
     """
+    from scipy.interpolate import PchipInterpolator  # a fifth of a second to import
+
     if not eta >= 1:
         raise ValueError(f"eta: expected a number >= 1, got {eta}")
     thickness_mm = np.asarray(thickness_mm, np.float64)
