@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
-from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
+from skinbake.diffuse.terms.bounced_light import (
+    SkinLight,
+    add_at_full_size,
+    bounced_light,
+    fitted,
+    lights_at_once,
+)
 from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
 from skinbake.diffuse.terms.skin_view import SkinView, look_around
 from skinbake.irradiance.scene_data import SceneData
@@ -79,20 +86,19 @@ def add_bounces(
         taken.with_neighbours,
     )
     seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
-    bounces = {}
-    for i, (name, line) in enumerate(zip(names, lines, strict=True)):
-        if not line.enabled:
-            continue
-        sent = [rgb[i : i + 1] * colour for rgb, colour in zip(light.values(), reflected, strict=True)]
-        found = bounced_light(
-            view, sent, [gain[name] * colour for colour in seen], *terms.bounces_for(limits[i], bounced[i].rms)
-        )
-        lines[i] = replace(
-            line,
-            error=float(np.hypot(taken.error(bounced[i], found.noise * bounced[i].rms), found.left * bounced[i].rms)),
-            how="1 bounce" if found.bounces == 1 else f"{found.bounces} bounces",
-        )
-        for raster, small in zip(atlas, found.tiles, strict=True):
-            add_at_full_size(gain[name] * small[0], raster, light[raster.tile][i])
-        bounces[name] = found.bounces
+    bounces, at_once = {}, lights_at_once(view, atlas[0].shape)
+    for some in (kept[k : k + at_once] for k in range(0, len(kept), at_once)):
+        sent = [rgb[some] * colour for rgb, colour in zip(light.values(), reflected, strict=True)]
+        most, enough = zip(*(terms.bounces_for(limits[i], bounced[i].rms) for i in some), strict=True)
+        counts = np.stack([gain[names[i]] for i in some])
+        found = bounced_light(view, sent, seen, most, enough, counts)
+        for k, i in enumerate(some):
+            bounces[names[i]] = times = int(found.bounces[k])
+            lines[i] = replace(
+                lines[i],
+                error=hypot(taken.error(bounced[i], found.noise[k] * bounced[i].rms), found.left[k] * bounced[i].rms),
+                how="1 bounce" if times == 1 else f"{times} bounces",
+            )
+            for raster, small in zip(atlas, found.tiles, strict=True):
+                add_at_full_size(gain[names[i]] * small[k], raster, light[raster.tile][i])
     return lines, SkinLight(view, seen, {name: gain[name] for name in bounces}, bounces)

@@ -14,7 +14,7 @@ import numpy as np
 from skinbake.atlas import Atlas
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.diffuse import diffuse
-from skinbake.diffuse.diffuse_map import DiffuseMap
+from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.light_entering import EnteredSkin, LightEntering, light_entering
 from skinbake.diffuse.memoize import Kind, Make, Values
 from skinbake.diffuse.memory import check_memory, disk_needed_bytes
@@ -24,7 +24,7 @@ from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.diffuse_profile import HELD
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts
-from skinbake.diffuse.terms.transmission import TransmittedLight, even_share, transmit
+from skinbake.diffuse.terms.transmission import TransmittedLight, even_share, transmit, transmitted_lobe
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
@@ -59,6 +59,7 @@ def scatter(
     base: EnteredSkin | None = None,
     aside: Aside = IN_MEMORY,
     view: SkinView | None = None,
+    thin: ThinParts | None = None,
 ) -> DiffuseMap:
     """Lobes of the light that enters, times albedo^x (x = 1: pre-scatter texturing), and light through thin parts.
 
@@ -84,6 +85,9 @@ def scatter(
         Where lobes stand that are made, and what they are made of.
     view : SkinView, optional
         As in `light_entering`.
+    thin : ThinParts, optional
+        Of this skin on this texture, where somebody has looked behind it already and found it worth it: light comes
+        through, whatever the look says, and is not weighed.
     """
     tell = say or (lambda text: None)
     tell("light that enters the skin")
@@ -117,7 +121,7 @@ def scatter(
     mean_albedo, plan, curved = entering.mean_albedo, entering.plan, entering.curved
     skin_light = entering.skin_light
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
-    share, thin, arrived = uniform_scatter(gaussians, spec.skin), None, None
+    share, arrived = uniform_scatter(gaussians, spec.skin), None
     texture, terms, budget = spec.texture, spec.terms, decisions.budget
     # What each light's terms have left, the blur's error taken as measured
     blur, lights = diffused.error.rms if diffused.error else budget.blur, irradiance[0].lights
@@ -127,6 +131,7 @@ def scatter(
     tell("light through thin parts")
     of_skin = scene.mesh, gaussians, texture.size, texture.gutter, texture.udim, mean_albedo
     look_behind = partial(ThinParts.of, *of_skin, scene.occluder, skin_medium(spec.skin), share)
+    times = entering.everywhere and entering.everywhere.times(entering.rgb)
     pass_through = partial(
         transmit,
         diffused,
@@ -137,17 +142,19 @@ def scatter(
         lights=through_by,
         scatter=share,
         rest=aside.rest,
-        times=entering.everywhere and entering.everywhere.times(entering.rgb),
+        times=times,
     )
-    through, line = None, None
-    if terms.transmission == "auto":  # few texels tell where it is far from being worth it
-        _, line = pass_through(thin=look_behind(texel_mm=FEW_MM), margin=PLAIN)
-    plainly_dark = line is not None and not line.enabled
-    if terms.transmission != "off" and not plainly_dark:
-        thin = look_behind()
+    found = thin is not None
+    line = None if found else plainly_dark(terms.transmission, pass_through, look_behind)
+    if line is None and terms.transmission != "off":
+        thin = thin or look_behind()
         arrived = SmallLight.of(entering.rgb, thin) if skin_light else None
     del entering
-    if line is None or not plainly_dark:
+    through = None
+    if found and thin is not None:
+        through = transmitted_lobe(diffused, scene.mesh, texture.udim, thin, through_by, share, aside.rest, times)
+        line = Decision("transmission", True, "found to be worth it")
+    elif line is None:
         through, line = pass_through(thin=thin)
     straight = even_share(diffused, thin) if curved and through is not None and thin is not None else None
     lobes = curved.applied(diffused.lobes, straight) if curved else diffused.lobes
@@ -166,6 +173,25 @@ def scatter(
         tolerance_met=met,
         advice="" if met else diffused.advice or too_much((*before, *plan), left, budget.tolerance),
     )
+
+
+def plainly_dark(
+    switch: str, pass_through: Callable[..., tuple[Lobe | None, Decision]], look_behind: Callable[..., ThinParts]
+) -> Decision | None:
+    """The plan's line on light through thin parts, where few texels tell that `auto` is far from taking it.
+
+    Parameters
+    ----------
+    switch : "auto", "on" or "off"
+    pass_through : callable
+        `transmit`, but for `thin` and `margin`.
+    look_behind : callable
+        `ThinParts.of`, but for `texel_mm`.
+    """
+    if switch != "auto":
+        return None
+    _, line = pass_through(thin=look_behind(texel_mm=FEW_MM), margin=PLAIN)
+    return None if line.enabled else line
 
 
 def _by_digest(remember: Remember, digests: Mapping[str, str], kind: Kind, names: tuple[str, ...], make: Make) -> Any:

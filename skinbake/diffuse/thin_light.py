@@ -15,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, coarser_size
+from skinbake.atlas.raster import NO_FACE
+from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.light_entering import albedo_of
 from skinbake.diffuse.skin_weights import SkinWeights
-from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, fitted, middles
+from skinbake.diffuse.terms.bounced_light import SkinLight, fitted, lights_at_once, middles
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import on_threads, parallel_for
 from skinbake.profile import GaussianSum
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
@@ -88,30 +92,65 @@ def sent_on(
     total = [weights.total_image(raster.tile, raster.shape) for raster in atlas]
     tiles = {raster.tile: through.rgb.pop(raster.tile) for raster in atlas}
     leaving = _leaving(lobes, weights, atlas, sources, rest)
-    for i, name in enumerate(names):
-        if name not in skin_light.gain:
-            continue
-        sent, square, area = [], 0.0, 0.0
-        for raster, shape, colour, light, share, blurred in zip(
-            atlas, sources, albedo, entered.tiles, total, leaving, strict=True
-        ):
-            known = _at_middles(light[i : i + 1], shape)[0] * fitted(share, shape)
-            more = _at_middles(tiles[raster.tile][i : i + 1], shape)[0] - known + blurred[i]
-            # Skin is lit by what is shown, which is what is stored times the rest of the albedo
-            sent.append(more * fitted(colour, shape) ** (1 - before))
+    known = [fitted(share, shape) for share, shape in zip(total, sources, strict=True)]
+    # Skin is lit by what is shown, which is what is stored times the rest of the albedo
+    shown = [fitted(colour, shape) ** (1 - before) for colour, shape in zip(albedo, sources, strict=True)]
+    enters = [colour**before for colour in albedo]
+    lit = [i for i, name in enumerate(names) if name in skin_light.gain]
+    at_once = lights_at_once(skin_light.view, max(sources))
+    for some in (lit[k : k + at_once] for k in range(0, len(lit), at_once)):
+        sent, square, area = [], np.zeros(len(some)), 0.0
+        for place, (raster, shape, light) in enumerate(zip(atlas, sources, entered.tiles, strict=True)):
+            already = _some(light, some, shape) * known[place]
+            more = _some(tiles[raster.tile], some, shape) - already + leaving[place][some]
+            sent.append(more * shown[place])
             of = fitted(raster.area_mm2[..., None], shape)
-            square, area = square + float((of * known**2).sum()), area + 3 * float(of.sum())
-        least = np.float32(LEFT_OUT * spec.diffusion.tolerance * np.sqrt(square / max(area, 1e-30)))
-        for raster, small, colour, share in zip(atlas, skin_light.lit_by(name, sent), albedo, total, strict=True):
-            arrived = np.zeros((*raster.shape, 3), np.float32)
-            add_at_full_size(small, raster, arrived)
-            at = np.nonzero(np.abs(arrived).max(axis=2) > least)
-            more = arrived[at] * _at(colour, at) ** before * _at(share, at)
-            # Less by the least there is, so that none of it begins with a step
-            more = np.sign(more) * np.maximum(np.abs(more) - least, 0)
-            image = tiles[raster.tile][i]
-            image[at] = np.maximum(image[at] + more, 0)  # next to a shadow, lit skin sends less than it gets
+            square += [float((of * image**2).sum()) for image in already]
+            area += 3 * float(of.sum())
+        least = LEFT_OUT * spec.diffusion.tolerance * np.sqrt(square / max(area, 1e-30))
+        arrives = skin_light.lit_by([names[i] for i in some], sent)
+        for raster, small, colour, share in zip(atlas, arrives, enters, total, strict=True):
+            of_skin = raster.face_index, colour, share.astype(np.float32, copy=False)
+            for k, i in enumerate(some):
+                parallel_for(_add, raster.shape[0], small[k], np.float32(least[k]), of_skin, tiles[raster.tile][i])
     return replace(through, rgb=tiles)
+
+
+@kernel
+def _add(start, stop, small, least, of_skin, out):  # type: ignore[no-untyped-def]
+    """Add what leaves of light from skin, read bilinearly, less by the least there is: none of it begins with a step.
+
+    Parameters
+    ----------
+    start, stop : int
+        Rows.
+    small : ndarray of shape (h, w, 3), float32
+        What arrives.
+    least : float32
+        Where no channel gets more, none is added.
+    of_skin : tuple of three ndarrays
+        Faces of the texels, (H, W); albedo before scattering and what leaves, (H, W, 3) or (1, 1, 3).
+    out : ndarray of shape (H, W, 3), float32
+        Added to; not below 0, for next to a shadow lit skin sends less than it gets.
+    """
+    face_index, colour, share = of_skin
+    height, width = face_index.shape
+    for row in range(start, stop):
+        for col in range(width):
+            if face_index[row, col] == NO_FACE:
+                continue
+            around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, small.shape[0], small.shape[1])
+            r = np.float32(bilinear(small, 0, around))
+            g = np.float32(bilinear(small, 1, around))
+            b = np.float32(bilinear(small, 2, around))
+            if not max(abs(r), abs(g), abs(b)) > least:
+                continue
+            for c in range(3):
+                enters = colour[row % len(colour), col % colour.shape[1], c]
+                more = (r if c == 0 else g if c == 1 else b) * enters
+                more *= share[row % len(share), col % share.shape[1], c]
+                more = np.sign(more) * max(abs(more) - least, np.float32(0))
+                out[row, col, c] = max(out[row, col, c] + more, np.float32(0))
 
 
 def _leaving(
@@ -134,10 +173,18 @@ def _leaving(
     rest : callable
         As in `sent_on`.
     """
-    out = [np.zeros((1, 1, 1, 3), np.float32) for _ in atlas]
+    lights = len(lobes[0].rgb[atlas[0].tile])
+    out = [np.zeros((lights, *shape, 3), np.float32) for shape in sources]
     for k, lobe in enumerate(lobes):
-        for place, (raster, shape) in enumerate(zip(atlas, sources, strict=True)):
-            out[place] = out[place] + _at_middles(lobe.rgb[raster.tile], shape) * weights.image(k, raster.tile, shape)
+        for image, raster, shape in zip(out, atlas, sources, strict=True):
+            weight, rgb = weights.image(k, raster.tile, shape), lobe.rgb[raster.tile]
+
+            def add(
+                i: int, image: Image = image, rgb: Image = rgb, shape: tuple[int, int] = shape, weight: Image = weight
+            ) -> None:
+                image[i] += _at_middles(rgb[i : i + 1], shape)[0] * weight
+
+            on_threads(add, lights)
         rest()
     return out
 
@@ -149,9 +196,9 @@ def _source_shape(raster: AtlasRaster, mesh: SkinMesh) -> tuple[int, int]:
     return height, width
 
 
-def _at(image: Image, at: tuple[NDArray[np.intp], ...]) -> Image:
-    """Pixels of an image (H, W, 3), or of a constant."""
-    return image[0, 0] if image.shape[:2] == (1, 1) else image[at]
+def _some(images: Image, some: Sequence[int], shape: tuple[int, int]) -> Image:
+    """Some of the images (L, H, W, 3) at the texels of another size."""
+    return np.concatenate([_at_middles(images[i : i + 1], shape) for i in some])
 
 
 def _at_middles(images: Image, shape: tuple[int, int]) -> Image:

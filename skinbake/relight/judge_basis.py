@@ -17,6 +17,7 @@ from skinbake.atlas import Atlas, Tiles, interpolate
 from skinbake.diffuse.scatter import scatter
 from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.terms.skin_view import SkinView
+from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.irradiance.light_texels import light_texels
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.numerics import Float
@@ -53,6 +54,8 @@ class DirectBake(NamedTuple):
     incidence : Incidence, optional
     view : SkinView, optional
         What the skin sees of itself, found once for all lights.
+    thin : ThinParts, optional
+        What lies behind it, too, where light comes through.
     """
 
     spec: SceneSpec
@@ -63,6 +66,7 @@ class DirectBake(NamedTuple):
     medium: SkinMedium
     incidence: Incidence | None
     view: SkinView | None
+    thin: ThinParts | None
 
 
 def baked_lights(bake: DirectBake, lights: Sequence[UnseenLight]) -> Tiles:
@@ -83,8 +87,9 @@ def baked_lights(bake: DirectBake, lights: Sequence[UnseenLight]) -> Tiles:
         decisions.energy_conservation.enabled, environments, spec.output.seed, LIT_WITHIN, scene.occluder,
     )  # fmt: skip
     made = scatter(
-        spec, decisions, scene, bake.atlas, irradiance, bake.gaussians, bake.medium, bake.incidence, view=bake.view
-    )
+        spec, decisions, scene, bake.atlas, irradiance, bake.gaussians, bake.medium, bake.incidence,
+        view=bake.view, thin=bake.thin,
+    )  # fmt: skip
     alone = np.array([lobe.weight_rgb for lobe in made.lobes])
     weights = SkinWeights(alone, bake.gaussians.table, scene.maps)
     return {raster.tile: summed_lobes(made.lobes, weights, raster.tile, raster.shape) for raster in bake.atlas}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from math import hypot, sqrt
 
 import numpy as np
@@ -20,6 +21,7 @@ from skinbake.diffuse.methods import LobePlan, method_asked_for
 from skinbake.diffuse.planning.auto import plan_auto
 from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
+from skinbake.diffuse.scatter import plainly_dark
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
@@ -27,7 +29,7 @@ from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts
-from skinbake.diffuse.terms.transmission import even_share, transmit
+from skinbake.diffuse.terms.transmission import even_share, transmit, transmitted_lobe
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
@@ -69,6 +71,8 @@ class Scattering:
         What was decided.
     view : SkinView, optional
         What that gave, once light has come.
+    thin : ThinParts, optional
+        What lies behind the skin, where light comes through that is worth it, once light has come.
     """
 
     def __init__(
@@ -95,8 +99,7 @@ class Scattering:
         self.view: SkinView | None = None
         self._enough: tuple[int, float] = (1, 0.0)
         self._bounces: int | None = None
-        self._through = spec.terms.transmission
-        self._thin: ThinParts | None = None
+        self.thin: ThinParts | None = None
         area = [raster.area_mm2[..., None] for raster in atlas]
         lit = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, self._albedo, strict=True))
         self._mean_albedo = lit / sum(map(np.sum, area))
@@ -125,8 +128,8 @@ class Scattering:
             light[raster.tile] *= albedo**exponent
         diffused = self._diffused(light)
         through, straight = self._transmitted(diffused, first), None
-        if self._curved and through is not None and self._thin is not None:
-            straight = even_share(diffused, self._thin)
+        if self._curved and through is not None and self.thin is not None:
+            straight = even_share(diffused, self.thin)
         lobes = self._curved.applied(diffused.lobes, straight) if self._curved else diffused.lobes
         through = self._sent_on(through, lobes, light, diffused.lights)
         lobes = (*lobes, through) if through else lobes
@@ -166,8 +169,8 @@ class Scattering:
         if self._bounces is None:
             # As many for every light of the basis, or their sum would not be the light's
             even = bounced_light(self.view, [image[:1] for image in sent], again, *self._enough)
-            self._bounces = even.bounces
-        found = bounced_light(self.view, sent, again, self._bounces)
+            self._bounces = int(even.bounces.max())
+        found = bounced_light(self.view, sent, again, self._bounces, measured=False)
         for raster, small in zip(self._atlas, found.tiles, strict=True):
             for k, image in enumerate(light[raster.tile]):
                 add_at_full_size(self._again * small[k], raster, image)
@@ -195,37 +198,39 @@ class Scattering:
 
     def _transmitted(self, diffused: DiffuseMap, first: bool) -> Lobe | None:
         """Light through thin parts, where that is worth it."""
-        spec, texture = self._spec, self._spec.texture
-        if self._through == "off":
-            return None
-        mesh, occluder, scatter = self._scene.mesh, self._scene.occluder, uniform_scatter(self._gaussians, spec.skin)
-        laid_out = texture.size, texture.gutter, texture.udim
-        if self._thin is None:  # what lies behind is the same for all lights
-            self._thin = ThinParts.of(
-                mesh, self._gaussians, *laid_out, self._mean_albedo, occluder, self._medium, scatter
+        spec, scene, texture = self._spec, self._scene, self._spec.texture
+        scatter = uniform_scatter(self._gaussians, spec.skin)
+        if first and self.thin is None:
+            laid_out = texture.size, texture.gutter, texture.udim
+            of_skin = scene.mesh, self._gaussians, *laid_out, self._mean_albedo
+            look_behind = partial(ThinParts.of, *of_skin, scene.occluder, self._medium, scatter)
+            assert spec.relight is not None
+            # What shows beside what the textures leave wrong
+            tolerance, switch = max(spec.diffusion.tolerance, spec.relight.tolerance), spec.terms.transmission
+            pass_through = partial(
+                transmit, diffused, *of_skin, switch, tolerance, limit=self._terms_left(), scatter=scatter
             )
-        assert spec.relight is not None
-        # What shows beside what the textures leave wrong
-        tolerance = max(spec.diffusion.tolerance, spec.relight.tolerance)
-        lobe, line = transmit(
-            diffused, mesh, self._gaussians, *laid_out, self._mean_albedo, self._through, tolerance, occluder,
-            self._medium, self._terms_left(), scatter=scatter, thin=self._thin,
-        )  # fmt: skip
-        if first:
+            line, thin, lobe = plainly_dark(switch, pass_through, look_behind), None, None
+            if line is None:
+                thin = look_behind() if switch != "off" else None
+                lobe, line = pass_through(thin=thin)
             self.lines.append(Decision("relight.transmission", line.enabled, line.why, line.error))
-            self._through = "on" if line.enabled else "off"
-        return lobe
+            self.thin = thin if lobe else None
+            return lobe
+        if self.thin is None:
+            return None
+        return transmitted_lobe(diffused, scene.mesh, texture.udim, self.thin, scatter=scatter)
 
     def _sent_on(
         self, through: Lobe | None, lobes: tuple[Lobe, ...], light: Tiles, names: tuple[str, ...]
     ) -> Lobe | None:
         """The same with what other skin gets of it."""
-        if through is None or self._thin is None or self.view is None or self._bounces is None:
+        if through is None or self.thin is None or self.view is None or self._bounces is None:
             return through
         seen = [fitted(colour, r.shape) for colour, r in zip(self._reflected, self.view.atlas, strict=True)]
         gain, bounces = dict.fromkeys(names, self._again), dict.fromkeys(names, self._bounces)
         skin_light = SkinLight(self.view, seen, gain, bounces)
-        entered = SmallLight.of(light, self._thin)
+        entered = SmallLight.of(light, self.thin)
         return sent_on(through, lobes, entered, names, skin_light, self._spec, self._scene, self._gaussians)
 
 

@@ -146,7 +146,9 @@ def make_transfer(
     close = Decisions(decisions.energy_conservation, True, (), budget_of(judged))
     again = Scattering(judged, close, scene, sky.atlas, gaussians, medium, slant, look_around)
     compared = _scattered(again, sky.atlas, scene, sky, passage, basis, lambda _: None)
-    bake = DirectBake(judged, close, scene, sky.atlas, gaussians, medium, incidence if slant else None, again.view)
+    bake = DirectBake(
+        judged, close, scene, sky.atlas, gaussians, medium, incidence if slant else None, again.view, again.thin
+    )
     error = judge_basis(bake, basis, compared, unseen_lights(spec.output.seed), say)
     # What they leave wrong is in the measured error, and no part of what lights of the look may be wrong by
     plan = tuple(replace(line, error=0.0) for line in lines)

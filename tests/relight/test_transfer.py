@@ -8,6 +8,7 @@ import pytest
 
 import skinbake
 from skinbake.diffuse import add_bounces
+from skinbake.diffuse.terms.thin_parts import FEW_MM, TEXEL_MM
 from skinbake.errors import MachineError
 from skinbake.relight import scattering, transfer
 
@@ -37,7 +38,12 @@ def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
     """Skin looks around once for any number of lights, through thin parts, too; bounces leave these a part."""
     calls = []
     once = scattering.ThinParts.of
-    monkeypatch.setattr(scattering.ThinParts, "of", lambda *args: calls.append(args) or once(*args))
+
+    def of(*args, texel_mm=TEXEL_MM):
+        calls.append(texel_mm)
+        return once(*args, texel_mm=texel_mm)
+
+    monkeypatch.setattr(scattering.ThinParts, "of", of)
     looks, look = [], transfer.seen_skin
     monkeypatch.setattr(transfer, "seen_skin", lambda *args: looks.append(args) or look(*args))
     monkeypatch.setattr(add_bounces, "look_around", lambda *_: pytest.fail("each bake that judges looks around"))
@@ -48,7 +54,9 @@ def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
     assert 0 < left[0] < left[1] * 1.0001 < left[0] * 2**0.5  # bounces had half of the square, and leave some of it
     assert "relight.interreflection" in {line.term for line in made.plan if line.enabled}
     assert len(looks) == 1
-    assert len(calls) == 1 + ("relight.transmission" in {line.term for line in made.plan if line.enabled})
+    # Few texels first; all of them for the textures, and once more for all lights that judge these
+    through = "relight.transmission" in {line.term for line in made.plan if line.enabled}
+    assert calls == [FEW_MM, *[TEXEL_MM] * 2 * through]
 
 
 @pytest.mark.parametrize(("of_look", "of_relight", "said"), [(0.01, 0.02, "10.0%"), (0.05, 0.02, "25.0%")])

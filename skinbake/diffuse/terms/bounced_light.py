@@ -14,11 +14,13 @@ from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.diffuse.terms.ray_counts import NOISE_FALL
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.simd import LANES, broadcast, load, store
 from skinbake.kernels.threads import parallel_for
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 _HALVES = 0.85  # of the noise that two halves of rays seem to leave: they lie apart, so that they err to either side
+_READ_BYTES, _MOST_AT_ONCE = 1 << 26, 16  # what lights that go together read, and how many they are at most
 _SLOWEST = 0.95  # most that a bounce is believed to keep of the last one: the rest of the series is finite
 
 
@@ -29,23 +31,29 @@ class BouncedLight(NamedTuple):
     ----------
     tiles : list of ndarray of shape (L, h, w, 3), float32
         Irradiance at the small texels, a tile in the atlas's order.
-    bounces : int
-        How often it went from skin to skin.
-    left : float
-        Rms of all bounces after these, as a share of the first one's, of the light that leaves most.
-    noise : float
-        Standard error that the rays leave, as a share of the first bounce's rms, as it leaves again, of the light that
-        has most: by how much the two halves of the rays differ.
+    bounces : ndarray of shape (L,)
+        How often each light went from skin to skin.
+    left : ndarray of shape (L,)
+        Rms of all bounces after these, as a share of the first one's.
+    noise : ndarray of shape (L,)
+        Standard error that the rays leave, as a share of the first bounce's rms, as it leaves again: by how much the
+        two halves of the rays differ.
     """
 
     tiles: list[Image]
-    bounces: int
-    left: float
-    noise: float
+    bounces: Index
+    left: NDArray[np.float64]
+    noise: NDArray[np.float64]
 
 
 def bounced_light(
-    view: SkinView, sent: Sequence[Image], reflected: Sequence[Image], bounces: int = 1, negligible: float = 0.0
+    view: SkinView,
+    sent: Sequence[Image],
+    reflected: Sequence[Image],
+    bounces: int | Sequence[int] = 1,
+    negligible: float | Sequence[float] = 0.0,
+    gain_rgb: Image | None = None,
+    measured: bool = True,
 ) -> BouncedLight:
     """Irradiance that skin gets from skin, bounce after bounce until the rest is negligible.
 
@@ -56,56 +64,129 @@ def bounced_light(
         M of each tile, of the light that arrives without a bounce, at any size.
     reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
         What of the bounced irradiance leaves as M again.
-    bounces : int
+    bounces : int, or L of them
         At most as many, 1 or more.
-    negligible : float
+    negligible : float, or L of them
         Rms of all bounces to come, as a share of the first one's, below which they are left out. The next bounce is
         foreseen as this one times what leaves again and the share of rays that meet skin; those after it follow as a
         geometric series. All but the first go by half of the rays: they are a tenth of it.
+    gain_rgb : ndarray of shape (L, 3), optional
+        What of each light's bounced irradiance counts, in front of `reflected`.
+    measured : bool
+        False: as many bounces as asked for; nobody wants to know what is left, nor the noise.
 
     Raises
     ------
     ValueError
         If `bounces` is below 1.
     """
-    if bounces < 1:
-        raise ValueError(f"bounces: expected at least 1, got {bounces}")
     lights, shapes = sent[0].shape[0], [raster.shape for raster in view.atlas]
-    again = np.empty((len(view.tile), 1, 3), np.float32)
-    for k, (colour, shape) in enumerate(zip(reflected, shapes, strict=True)):
-        mine = view.tile == k
-        small = np.broadcast_to(fitted(colour, shape), (*shape, 3)).reshape(-1, 3)
-        again[mine, 0] = small[view.flat_index[mine]]
+    most, enough = np.broadcast_to(bounces, lights), np.broadcast_to(negligible, lights)
+    if most.min(initial=1) < 1:
+        raise ValueError(f"bounces: expected at least 1, got {most.min()}")
+    again = _reflected_again(view, reflected, gain_rgb)
     area = np.concatenate([r.area_mm2.reshape(-1)[view.flat_index[view.tile == k]] for k, r in enumerate(view.atlas)])
-    share = view.share[:, None, None]
-    source, lies_in = view.read(sent), view.receiver()
-    out = np.zeros((len(view.tile), lights, 3), np.float32)
+    ones = np.ones_like(area)
+    rays = _Rays(view.rays, view.first, view.half, view.seen)
+    values = _read(view, sent, _row(lights))
+    out = np.zeros((len(view.tile), values.shape[1]), np.float32)
+    done, going = np.zeros(lights, np.int64), np.ones(lights, np.bool_)
     first, left, noise = np.zeros(lights), np.ones(lights), np.zeros(lights)
-    for turn in range(bounces):
-        values = source.reshape(len(source), 3 * lights)
-        halves = np.zeros((1 if turn else 2, len(out), 3 * lights), np.float32)
-        parallel_for(_collect, len(out), _Rays(view.rays, view.first, view.half, view.seen), values, halves)
-        got = halves.mean(axis=0).reshape(out.shape)
+    for turn in range(most.max(initial=1)):
+        halves = np.zeros((1 if turn else 2, *out.shape), np.float32)
+        parallel_for(_collect, len(out), rays, values, halves)
+        got = halves[0] if turn else halves.mean(axis=0)
         out += got
-        sent_again = got * again
-        now, then = _rms(got), _rms(sent_again * share)
-        if not turn:
-            first = now
-            apart = view.quieter(halves[0] - halves[1]).reshape(out.shape) * again
-            here = np.maximum(_rms(got * again, area), 1e-30)
-            noise = _rms(apart, area) / here * (_HALVES * np.sqrt(0.5) * 2**-NOISE_FALL)
-        del halves
-        falls = np.minimum(then / np.maximum(now, 1e-30), _SLOWEST)
-        left = np.where(first > 0, now * falls / (1 - falls) / np.maximum(first, 1e-30), 0)
-        if left.max() <= negligible:
+        sent_again = got.copy()
+        sent_again[:, : 3 * lights].reshape(len(got), lights, 3)[...] *= again
+        done += going
+        if measured:
+            now, then = _rms(got, ones, lights), _rms(sent_again, view.share, lights)
+            if not turn:
+                first = now
+                apart = view.quieter(halves[0] - halves[1])
+                apart[:, : 3 * lights].reshape(len(got), lights, 3)[...] *= again
+                here = np.maximum(_rms(sent_again, np.sqrt(area), lights), 1e-30)
+                noise = _rms(apart, np.sqrt(area), lights) / here * (_HALVES * np.sqrt(0.5) * 2**-NOISE_FALL)
+            falls = np.minimum(then / np.maximum(now, 1e-30), _SLOWEST)
+            foreseen = np.where(first > 0, now * falls / (1 - falls) / np.maximum(first, 1e-30), 0)
+            left = np.where(going, foreseen, left)
+            going &= left > enough
+        going &= most > turn + 1
+        if not going.any():
             break
-        source = np.where(lies_in[:, None, None] >= 0, sent_again[lies_in], 0) if len(got) else source
-    out = view.quieter(out.reshape(len(out), -1)).reshape(out.shape)
+        if not going.all():
+            sent_again[:, : 3 * lights].reshape(len(got), lights, 3)[:, ~going] = 0
+        if not turn:
+            rays = rays._replace(seen=view.receiver().astype(np.int32)[view.seen])
+        values = sent_again
+    out = view.quieter(out)
     tiles = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
     for k, tile in enumerate(tiles):
+        mine = np.flatnonzero(view.tile == k)
+        parallel_for(_spread, lights, out, mine, view.flat_index[mine], tile.reshape(lights, -1, 3))
+    return BouncedLight(tiles, done, left, noise)
+
+
+def lights_at_once(view: SkinView, shape: tuple[int, int]) -> int:
+    """How many lights' bounces go together: a ray's row of memory is read once for all of them.
+
+    Parameters
+    ----------
+    view : SkinView
+    shape : (H, W)
+        Of the textures of what they send.
+    """
+    texels = sum(map(len, view.met)) + len(view.atlas) * shape[0] * shape[1]
+    return int(np.clip(_READ_BYTES // (12 * texels), 1, _MOST_AT_ONCE))
+
+
+def _row(lights: int) -> int:
+    """Values of a row of lights in colour: whole vectors of a processor, where there are as many."""
+    return 3 * lights if 3 * lights < LANES else -(-3 * lights // LANES) * LANES
+
+
+def _read(view: SkinView, images: Sequence[Image], width: int) -> Image:
+    """Values at the texels that are met, (m, width), of images (L, h, w, 3) of any size, a tile each.
+
+    The lights stand side by side, 3 L values, and after them zeros.
+    """
+    out = np.zeros((sum(map(len, view.met)), width), np.float32)
+    start = 0
+    for image, (rows, cols) in zip(images, view.met_in([each.shape[1:3] for each in images]), strict=True):
+        part = out[start : start + len(rows)]
+        parallel_for(_read_texels, len(rows), np.asarray(image, np.float32), rows, cols, part)
+        start += len(rows)
+    return out
+
+
+@kernel
+def _read_texels(start, stop, image, rows, cols, out):  # type: ignore[no-untyped-def]
+    """Write what lights have at texels, side by side.
+
+    Parameters
+    ----------
+    start, stop : int
+        Texels.
+    image : ndarray of shape (L, h, w, 3)
+    rows, cols : ndarrays of shape (m,)
+    out : ndarray of shape (m, 3 L or more), written
+    """
+    for k in range(start, stop):
+        for light in range(image.shape[0]):
+            for c in range(3):
+                out[k, 3 * light + c] = image[light, rows[k], cols[k], c]
+
+
+def _reflected_again(view: SkinView, reflected: Sequence[Image], gain_rgb: Image | None) -> Image:
+    """What leaves again at the texels that receive, (n, L, 3), or (n, 1, 3) where it is the same for all lights."""
+    gain = np.ones((1, 3), np.float32) if gain_rgb is None else gain_rgb
+    again = np.empty((len(view.tile), len(gain), 3), np.float32)
+    for k, (colour, raster) in enumerate(zip(reflected, view.atlas, strict=True)):
         mine = view.tile == k
-        tile.reshape(lights, -1, 3)[:, view.flat_index[mine]] = out[mine].transpose(1, 0, 2)
-    return BouncedLight(tiles, turn + 1, float(left.max()), float(noise.max()))
+        small = np.broadcast_to(fitted(colour, raster.shape), (*raster.shape, 3)).reshape(-1, 3)
+        again[mine] = gain * small[view.flat_index[mine], None]
+    return again
 
 
 class SkinLight(NamedTuple):
@@ -127,28 +208,47 @@ class SkinLight(NamedTuple):
     gain: Mapping[str, Image]
     bounces: Mapping[str, int]
 
-    def lit_by(self, name: str, sent: Sequence[Image]) -> list[Image]:
-        """Irradiance that counts of what skin sends on, (h, w, 3) a tile.
+    def lit_by(self, names: Sequence[str], sent: Sequence[Image]) -> list[Image]:
+        """Irradiance that counts of what skin sends on, (L, h, w, 3) a tile.
 
         Parameters
         ----------
-        name : str
-            Of the light.
-        sent : sequence of ndarray of shape (H, W, 3)
+        names : sequence of L str
+            Of the lights.
+        sent : sequence of ndarray of shape (L, H, W, 3)
             M by tile, at any size.
         """
-        again = [self.gain[name] * colour for colour in self.reflected]
-        found = bounced_light(self.view, [each[None] for each in sent], again, self.bounces[name])
-        return [self.gain[name] * tile[0] for tile in found.tiles]
+        gain = np.stack([self.gain[name] for name in names])
+        bounces = [self.bounces[name] for name in names]
+        found = bounced_light(self.view, sent, self.reflected, bounces, gain_rgb=gain, measured=False)
+        return [(gain[:, None, None] * tile).astype(np.float32, copy=False) for tile in found.tiles]
 
 
-def _rms(values: Image, weight: Image | None = None) -> NDArray[np.float64]:
-    """Root of the sum of squares of each light, (L,), of (n, L, 3), each times its weight."""
-    square = values * values
-    if weight is not None:
-        square *= weight[:, None, None]
-    root: NDArray[np.float64] = np.sqrt(square.sum(axis=(0, 2), dtype=np.float64))
-    return root
+def _rms(values: Image, weight: Image, lights: int) -> NDArray[np.float64]:
+    """Root of the sum of squares of each light, (L,), of rows (n, 3 L or more), each times its weight."""
+    square = np.zeros(lights)
+    parallel_for(_squares, lights, values, weight, square)
+    return np.sqrt(square)
+
+
+@kernel
+def _squares(start, stop, values, weight, out):  # type: ignore[no-untyped-def]
+    """Sums of squares of lights' values.
+
+    Parameters
+    ----------
+    start, stop : int
+        Lights.
+    values : ndarray of shape (n, 3 L or more)
+    weight : ndarray of shape (n,)
+    out : ndarray of shape (L,), written
+    """
+    for k in range(start, stop):
+        total = 0.0
+        for i in range(len(values)):
+            r, g, b = values[i, 3 * k], values[i, 3 * k + 1], values[i, 3 * k + 2]
+            total += np.float64(r * r + g * g + b * b) * weight[i] * weight[i]
+        out[k] = total
 
 
 class _Rays(NamedTuple):
@@ -159,6 +259,7 @@ class _Rays(NamedTuple):
     rays, first, half : ndarrays of shape (n,)
         `first` is longer by one.
     seen : ndarray of shape (k,)
+        Rows of the source; -1: nothing comes.
     """
 
     rays: Index
@@ -176,17 +277,49 @@ def _collect(start, stop, view, source, out):  # type: ignore[no-untyped-def]
     start, stop : int
         Points.
     view : _Rays
-    source : ndarray of shape (m, v)
-    out : ndarray of shape (halves, n, v), added to
+    source : ndarray of shape (m, v), float32
+        Of fewer values than `LANES`, or of whole vectors.
+    out : ndarray of shape (halves, n, v), float32, holding 0; written
     """
+    width = source.shape[1]
+    flat, to = source.reshape(-1), out.reshape(-1)
     for i in range(start, stop):
         for half in range(out.shape[0]):
             begin, end = (view.first[i], view.half[i]) if half == 0 else (view.half[i], view.first[i + 1])
-            for k in range(begin, end):
-                for v in range(source.shape[1]):
-                    out[half, i, v] += source[view.seen[k], v]
-            for v in range(source.shape[1]):
-                out[half, i, v] /= 0.5 * view.rays[i]
+            row = (half * out.shape[1] + i) * width
+            if width < LANES:
+                for k in range(begin, end):
+                    if view.seen[k] >= 0:
+                        for v in range(width):
+                            to[row + v] += flat[view.seen[k] * width + v]
+            else:
+                for v in range(0, width, LANES):
+                    total = broadcast(np.float32(0))
+                    for k in range(begin, end):
+                        if view.seen[k] >= 0:
+                            total = total + load(flat, view.seen[k] * width + v)
+                    store(to, row + v, total)
+            for v in range(width):
+                to[row + v] /= 0.5 * view.rays[i]
+
+
+@kernel
+def _spread(start, stop, rows, texels, flat, out):  # type: ignore[no-untyped-def]
+    """Write lights' values to their texels.
+
+    Parameters
+    ----------
+    start, stop : int
+        Lights.
+    rows : ndarray of shape (n, 3 L or more)
+    texels, flat : ndarrays of shape (k,)
+        Rows that are taken, and the texel of each.
+    out : ndarray of shape (L, h w, 3), written
+    """
+    for light in range(start, stop):
+        for k in range(len(texels)):
+            for c in range(3):
+                out[light, flat[k], c] = rows[texels[k], 3 * light + c]
 
 
 def fitted(colour: Image, shape: tuple[int, ...]) -> Image:

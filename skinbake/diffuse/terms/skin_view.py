@@ -76,20 +76,18 @@ class SkinView:
         """Share of each texel's rays that meets skin, (n,)."""
         return np.divide(np.diff(self.first), self.rays, dtype=np.float32)
 
-    def read(self, images: Sequence[Image]) -> Image:
-        """Values at the texels that are met, (m, L, 3), of images (L, h, w, 3) of any size, a tile each."""
-        return np.concatenate(
-            [
-                image[:, rows, cols].transpose(1, 0, 2)
-                for image, (rows, cols) in zip(images, self._at([each.shape[1:3] for each in images]), strict=True)
-            ],
-            dtype=np.float32,
-        )
+    def met_in(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[Index, Index]]:
+        """Rows and columns of the texels that are met in textures of other sizes."""
+        height, width = self.size
+        return [
+            (flat // width * shape[0] // height, flat % width * shape[1] // width)
+            for flat, shape in zip(self.met, shapes, strict=True)
+        ]
 
     def receiver(self) -> Index:
         """Which receiving texel each texel lies in that is met, -1 where that receives nothing, (m,)."""
         shapes = [raster.shape for raster in self.atlas]
-        at = self._at(shapes)
+        at = self.met_in(shapes)
         return np.concatenate([self._numbers(k)[at[k]] for k in range(len(shapes))]).astype(np.int64)
 
     def quieter(self, values: Image) -> Image:
@@ -107,14 +105,6 @@ class SkinView:
         """Number of the texel at each place of a tile, (h, w)."""
         start, stop = np.searchsorted(self.tile, [k, k + 1])
         return numbers(self.atlas[k].shape, self.flat_index[start:stop], int(start))
-
-    def _at(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[Index, Index]]:
-        """Rows and columns of the texels that are met in textures of other sizes."""
-        height, width = self.size
-        return [
-            (flat // width * shape[0] // height, flat % width * shape[1] // width)
-            for flat, shape in zip(self.met, shapes, strict=True)
-        ]
 
 
 def look_around(

@@ -29,6 +29,7 @@ from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.terms.far_side import FarSide, slant_factors
 from skinbake.diffuse.terms.flesh_rays import gathered, through_along
 from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
+from skinbake.diffuse.terms.thin_worth import SEEN_SHARE, contribution
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
@@ -42,7 +43,6 @@ Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 STEEPEST = 0.1  # least cosine at which a ray leaves, of what the lobes carry themselves
 SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
-SEEN_SHARE = 0.001  # of the skin: `auto` looks at the brightest part of that size
 WORTH = 5.0  # tolerances of the mean radiance that part must reach
 
 
@@ -121,22 +121,44 @@ def transmit(
     if switch == "off":
         return None, Decision("transmission", False, "off")
     thin = thin or ThinParts.of(mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter)
-    weights, gaussians, atlas = thin.weights, thin.gaussians, [each.raster for each in thin.tiles]
-    of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
-    rgb, through, reflected = {}, [], []
-    for raster, rows, cols, far in thin.tiles:
-        factor = np.stack([slant_factors(weights, far, *light, thin.centre_mm) for light in of_names])
-        image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
-        image[:, rows, cols] = gathered(_across(diffused, mesh, udim, thin, far, factor, rest, times))
-        rgb[raster.tile] = image
-        through.append((image[:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
-        reflected.append(_reflected(diffused, mesh, udim, gaussians, raster, rest))
-    rms, peak = _contribution(*_joined(through), *_joined(reflected), sum(float(r.area_mm2.sum()) for r in atlas))
+    lobe = transmitted_lobe(diffused, mesh, udim, thin, lights, scatter, rest, times)
+    through, reflected = [], []
+    for raster, rows, cols, _ in thin.tiles:
+        through.append((lobe.rgb[raster.tile][:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
+        reflected.append(_reflected(diffused, mesh, udim, thin.gaussians, raster, rest))
+    skin_mm2 = sum(float(each.raster.area_mm2.sum()) for each in thin.tiles)
+    rms, peak = contribution(through, reflected, skin_mm2)
     kept = switch == "on" or peak > margin * WORTH * tolerance or rms > margin * limit
     found = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
     why = f"{switch}: through thin parts {found}, worth it from {WORTH * tolerance:.1%} (rms {limit:.2%})"
-    lobe = Lobe(float(gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb) if kept else None
-    return lobe, Decision("transmission", kept, why, 0.0 if kept else rms)
+    return lobe if kept else None, Decision("transmission", kept, why, 0.0 if kept else rms)
+
+
+def transmitted_lobe(
+    diffused: DiffuseMap,
+    mesh: SkinMesh,
+    udim: bool,
+    thin: ThinParts,
+    lights: Mapping[str, TransmittedLight] | None = None,
+    scatter: float = 1.0,
+    rest: Callable[[], None] = lambda: None,
+    times: Float | None = None,
+) -> Lobe:
+    """Transmitted light, whether it is worth it or not.
+
+    Parameters
+    ----------
+    diffused, mesh, udim, thin, lights, scatter, rest, times
+        As of `transmit`.
+    """
+    of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
+    rgb = {}
+    for raster, rows, cols, far in thin.tiles:
+        factor = np.stack([slant_factors(thin.weights, far, *light, thin.centre_mm) for light in of_names])
+        image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
+        image[:, rows, cols] = gathered(_across(diffused, mesh, udim, thin, far, factor, rest, times))
+        rgb[raster.tile] = image
+    return Lobe(float(thin.gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb)
 
 
 def even_share(diffused: DiffuseMap, thin: ThinParts) -> dict[int, Image]:
@@ -369,24 +391,3 @@ def _reflected(
 
     light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, of_lobe, rest)
     return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
-
-
-def _joined(tiles: list[tuple[Image, Image]]) -> tuple[Float, Float]:
-    light, area = (np.concatenate(part).astype(np.float64) for part in zip(*tiles, strict=True))
-    return light, area
-
-
-def _contribution(
-    through: Float, through_mm2: Float, reflected: Float, sample_mm2: Float, skin_mm2: float
-) -> tuple[float, float]:
-    """Rms of the transmitted over the reflected light, and its value in the brightest part over the mean reflected."""
-    if sample_mm2.sum() == 0:
-        return 0.0, 0.0
-    mean = (sample_mm2 * reflected).sum() / sample_mm2.sum()
-    if mean <= 0:
-        return 0.0, 0.0
-    mean_square = (sample_mm2 * reflected**2).sum() / sample_mm2.sum()
-    rms = np.sqrt((through_mm2 * through**2).sum() / skin_mm2 / max(mean_square, 1e-300))
-    order = np.argsort(-through)
-    reached = np.searchsorted(np.cumsum(through_mm2[order]), SEEN_SHARE * skin_mm2)
-    return float(rms), float(through[order[reached]] / mean) if reached < len(order) else 0.0
