@@ -22,9 +22,18 @@ def uv_jacobian(mesh: SkinMesh) -> Float:
 
 
 def first_fundamental_form(mesh: SkinMesh) -> Float:
-    """e = P_u.P_u, f = P_u.P_v, h = P_v.P_v of each face, mm^2, shape (F, 3)."""
-    p_u, p_v = np.moveaxis(uv_jacobian(mesh), 1, 0)
-    return np.stack([(p_u * p_u).sum(1), (p_u * p_v).sum(1), (p_v * p_v).sum(1)], axis=1)
+    """e = P_u.P_u, f = P_u.P_v, h = P_v.P_v of each face, mm^2, shape (F, 3), read-only."""
+    return mesh.derived(_first_fundamental_form)
+
+
+def _first_fundamental_form(mesh: SkinMesh) -> Float:
+    """As `first_fundamental_form`, computed."""
+    jacobian = uv_jacobian(mesh)
+    form: Float = np.stack(
+        [np.einsum("fi,fi->f", jacobian[:, a], jacobian[:, b]) for a, b in ((0, 0), (0, 1), (1, 1))], 1
+    )
+    form.setflags(write=False)
+    return form
 
 
 def face_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> Float:

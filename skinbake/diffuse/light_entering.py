@@ -160,8 +160,15 @@ def light_entering(
     exponent = np.float32(spec.texturing.exponent_before)
     terms = spec.terms
     beams = terms.beam != "off" and any(has_beam(light) for light in spec.lights)
+    flat = None
+    if beams and gaussians.normalise == "white":
+        # A white profile has the skin's own form in it: curvature only spreads beams, if a plane would have any shifted
+        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, None)
+        beams = bool(flat[1])
     curved, line = curve_skin(scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible, beams)
-    shifts, shifted, lines = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, curved)
+    if flat is None or curved is not None:
+        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, curved)
+    shifts, shifted, lines = flat
     if curved and not shifted and curved.spreads_beams_alone:
         curved, line = None, formed_already(terms.curvature)
     plan += [*lines, line]

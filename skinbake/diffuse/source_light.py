@@ -34,7 +34,9 @@ def checked_source(source: Tiles, lights: tuple[str, ...], atlas: Atlas) -> Tile
         if values is None or values.shape != want:
             got = "nothing" if values is None else str(values.shape)
             raise InputError(f"irradiance of tile {raster.tile}: expected shape {want}, got {got}")
-        if not np.isfinite(values.sum(dtype=np.float64)):
+        with np.errstate(over="ignore"):  # then each is looked at
+            finite = np.isfinite(values.sum())
+        if not finite:
             bad = np.argwhere(~np.isfinite(values))
             if len(bad):
                 light, row, col, _ = bad[0]

@@ -17,6 +17,7 @@ from skinbake.io.image_memory import MAP_CHANNELS, image_bytes, refuse_beyond_me
 from skinbake.io.image_values import BLACK, Image, Mask, black_texels, clear_texels, filled
 from skinbake.io.map_values import READERS, refuse_narrow
 from skinbake.io.tile_names import MARKS, name_of_tile, names_tiles, tile_files
+from skinbake.numerics import largest_channel
 from skinbake.scene.map_files import FileMapSpec, MapsSpec
 from skinbake.scene.maps import OF_SKIN, DetailNormals, SkinMaps
 
@@ -119,7 +120,7 @@ def inward_normals(maps: SkinMaps) -> list[str]:
     found = []
     for tile, image in maps.normal.items() if maps.normal_space == "tangent" else ():
         normals = image[::4, ::4].reshape(-1, 3)
-        painted = (np.linalg.norm(normals, axis=1) > SHORT) & (np.abs(normals + 1).max(axis=1) > BLACK)
+        painted = (np.linalg.norm(normals, axis=1) > SHORT) & (largest_channel(np.abs(normals + 1)) > BLACK)
         inward = painted & (normals[:, 2] <= 0)
         if inward.mean() > INWARD_SHARE:
             found.append(

@@ -62,7 +62,7 @@ def largest_bits(half: NDArray[np.float16]) -> NDArray[np.uint16]:
     rows = half.view(np.uint16).reshape(len(half), half.shape[1] * half.shape[2])
     most = np.zeros((-(-len(rows) // _ROWS), rows.shape[1]), np.uint16)
     for_slices(lambda part: _largest(rows[part], most[part.start // _ROWS]), len(rows), _ROWS)
-    bits: NDArray[np.uint16] = most.reshape(-1, half.shape[2]).max(axis=0, initial=0)
+    bits: NDArray[np.uint16] = most.max(axis=0, initial=0).reshape(-1, half.shape[2]).max(axis=0, initial=0)
     return bits
 
 

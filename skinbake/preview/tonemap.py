@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skinbake.numerics import Float
+from skinbake.numerics import Float, largest_channel
 
 KNEE = 0.6  # below it the picture is linear
 DESATURATION = 0.2  # how soon what is far too bright turns white
@@ -26,7 +26,7 @@ def roll_off(linear: ArrayLike) -> Float:
     fades to white.
     """
     rgb = np.maximum(np.asarray(linear, dtype=np.float64), 0.0)
-    peak = rgb.max(axis=-1, keepdims=True)
+    peak = largest_channel(rgb)[..., None]
     over = np.maximum(peak - KNEE, 0.0)
     bent = np.where(peak > KNEE, 1 - (1 - KNEE) ** 2 / (over + 1 - KNEE), peak)
     scaled = rgb * np.divide(bent, peak, out=np.ones_like(peak), where=peak > 0)
