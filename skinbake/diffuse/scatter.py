@@ -22,9 +22,10 @@ from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.diffuse_profile import HELD
+from skinbake.diffuse.terms.even_share import even_share
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts
-from skinbake.diffuse.terms.transmission import TransmittedLight, even_share, transmit, transmitted_lobe
+from skinbake.diffuse.terms.transmission import TransmittedLight, transmit, transmitted_lobe
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
@@ -130,7 +131,7 @@ def scatter(
     limit = sqrt(max(budget.tolerance**2 - spent**2, 0.0))
     tell("light through thin parts")
     of_skin = scene.mesh, gaussians, texture.size, texture.gutter, texture.udim, mean_albedo
-    look_behind = partial(ThinParts.of, *of_skin, scene.occluder, skin_medium(spec.skin), share)
+    look_behind = partial(ThinParts.of, *of_skin, scene.occluder, skin_medium(spec.skin), share, curved=curved)
     times = entering.everywhere and entering.everywhere.times(entering.rgb)
     pass_through = partial(
         transmit,
@@ -156,7 +157,7 @@ def scatter(
         line = Decision("transmission", True, "found to be worth it")
     elif line is None:
         through, line = pass_through(thin=thin)
-    straight = even_share(diffused, thin) if curved and through is not None and thin is not None else None
+    straight = even_share(diffused, thin, curved) if curved and through is not None and thin is not None else None
     lobes = curved.applied(diffused.lobes, straight) if curved else diffused.lobes
     if through is not None and arrived is not None and skin_light is not None:
         through = sent_on(through, lobes, arrived, diffused.lights, skin_light, spec, scene, gaussians, aside.rest)

@@ -26,10 +26,11 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import curve_skin
+from skinbake.diffuse.terms.even_share import even_share
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts
-from skinbake.diffuse.terms.transmission import even_share, transmit, transmitted_lobe
+from skinbake.diffuse.terms.transmission import transmit, transmitted_lobe
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
@@ -129,7 +130,7 @@ class Scattering:
         diffused = self._diffused(light)
         through, straight = self._transmitted(diffused, first), None
         if self._curved and through is not None and self.thin is not None:
-            straight = even_share(diffused, self.thin)
+            straight = even_share(diffused, self.thin, self._curved)
         lobes = self._curved.applied(diffused.lobes, straight) if self._curved else diffused.lobes
         through = self._sent_on(through, lobes, light, diffused.lights)
         lobes = (*lobes, through) if through else lobes
@@ -203,7 +204,7 @@ class Scattering:
         if first and self.thin is None:
             laid_out = texture.size, texture.gutter, texture.udim
             of_skin = scene.mesh, self._gaussians, *laid_out, self._mean_albedo
-            look_behind = partial(ThinParts.of, *of_skin, scene.occluder, self._medium, scatter)
+            look_behind = partial(ThinParts.of, *of_skin, scene.occluder, self._medium, scatter, curved=self._curved)
             assert spec.relight is not None
             # What shows beside what the textures leave wrong
             tolerance, switch = max(spec.diffusion.tolerance, spec.relight.tolerance), spec.terms.transmission

@@ -74,10 +74,24 @@ def test_what_another_lobe_adds_is_taken_off():
     gaussians = profile()
     total = gaussians.weight_rgb.sum(axis=0)
     gain, through = np.full((4, 4, 3), 1.3, np.float32), np.full((8, 8, 3), 0.45, np.float32)
-    curved = CurvedSkin({1001: gain}, {1001: gain}, gaussians.weight_rgb, np.ones((3, 3)))
+    curved = CurvedSkin({1001: gain}, {1001: gain}, gaussians.weight_rgb, np.ones((3, 3)), MEDIUM.layers[0])
     bent = curved.applied(even_lobes(gaussians), {1001: through})
     light = sum(np.asarray(lobe.weight_rgb) * lobe.rgb[1001][0].mean(axis=(0, 1)) for lobe in bent)
     np.testing.assert_allclose(light + 2 * 0.45 * total, 2 * 1.3 * total, rtol=2e-3)
+
+
+def test_round_skin_holds_more_of_the_light_that_arrives():
+    """The root of the gain of 1 / r on a ball, nothing where a ray met no skin, and nothing of a white profile."""
+    mesh = sphere(RADIUS, "cube", 48)
+    size = TextureSpec(size=(96, 64))
+    curved, _ = curve_skin(mesh, size, profile(), MEDIUM, "on", 0.0)
+    face = np.append(np.arange(0, len(mesh.faces), 7), -1)
+    held = curved.held(mesh, False, face, mesh.corner_uv[face].mean(axis=1))
+    want = np.sqrt(curved_gain(SKIN, 1.4, np.array([1 / RADIUS]))[0])
+    np.testing.assert_allclose(np.median(held[:-1], axis=0), want, rtol=0.01)
+    np.testing.assert_array_equal(held[-1], 1)
+    white, _ = curve_skin(mesh, size, profile("white"), MEDIUM, "on", 0.0)
+    assert white.held(mesh, False, face, mesh.corner_uv[face].mean(axis=1)) is None
 
 
 def test_a_white_profile_looks_in_even_light_as_its_albedo():

@@ -183,7 +183,7 @@ def test_round_skin_still_sends_back_its_gain():
     atlas = rasterize(quad(), (16, 12), 2)
     share = curved_share(GAUSSIANS, LAYER.medium, LAYER.eta)
     gain = np.array([[[0.7, 0.8, 0.9], [1.1, 1.2, 1.5]]], np.float32)
-    curved = CurvedSkin({}, {1001: gain}, WEIGHT, share)
+    curved = CurvedSkin({}, {1001: gain}, WEIGHT, share, LAYER)
     light = {1001: np.ones((1, 12, 16, 3), np.float32)}
     own = DiffuseProfile(GAUSSIANS, LAYER, atlas, 1, curved).light(light, [0], lambda k: iter(()), np.zeros)
     assert own.gain is curved.gain

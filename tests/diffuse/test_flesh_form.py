@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skinbake.diffuse.terms.flesh_form import decay_below
-from skinbake.profile.curved_skin import curved_gain
+from skinbake.profile.curved_skin import curved_gain, through_curved
 from skinbake.profile.medium import Medium
 from skinbake.profile.slab_transport import diffuse_mean, slab_transport
 from skinbake.scene.lights import EnvironmentLight
@@ -102,3 +102,24 @@ def test_a_wedge_and_a_fin_shine_as_walks_in_them_say(size):
     shines = (flat * curved_gain(SKIN, 1.4, KAPPA - rate)).mean(axis=0)
     assert np.all(walked[:2] > 1.12 * flat[:2])
     np.testing.assert_allclose(shines[:2], walked[:2], rtol=0.13)
+
+
+@pytest.mark.parametrize("thick", [3.0, 6.0])
+def test_a_slab_shines_as_walks_say_with_what_comes_through_it(thick):
+    """The gain, with transport's light from the other side in place of its own: that alone is a tenth too dark."""
+    mesh = box(60.0, 60.0, thick)
+    centre = mesh.corner_position_mm.mean(axis=1)
+    middle = (np.abs(centre[:, 2] - thick / 2) < 1e-6) & (np.abs(centre[:, :2]).max(axis=1) < 6.0)
+    face = np.flatnonzero(middle).astype(np.int32)
+    medium = TransportMedium(SKIN.sigma_a_per_mm, SKIN.sigma_sp_per_mm, 0.0, 1.4)
+    sky = EnvironmentLight(type="environment", name="sky", radiance=(1 / np.pi,) * 3)
+    found = light_leaving(rays_of(mesh), medium, [sky], face, np.full((len(face), 2), 1 / 3), 96, 3)
+    slab = slab_transport(SKIN, 1.4, np.array([thick]))
+    flat, exact = diffuse_mean(slab.cosine, slab.back), diffuse_mean(slab.cosine, slab.through[0])
+    walked = found.mean[ESTIMATES["hard"]][:, 0].mean(axis=0) / flat
+    gain = curved_gain(SKIN, 1.4, (KAPPA * (1 - np.tanh(KAPPA * thick / 2)))[None])[0]
+    whole = gain - through_curved(SKIN, 1.4, KAPPA, np.array([thick]))[0] + exact / flat
+    np.testing.assert_allclose(whole[1:], walked[1:], rtol=0.03)
+    np.testing.assert_allclose(whole[0], walked[0], rtol=0.08)  # two free paths are no diffusion
+    if thick < 4:
+        assert np.all(gain[1:] < 0.95 * walked[1:])

@@ -16,7 +16,7 @@ def brought(slabs: SlabWeights, distance_mm: float, lean: float):
     ways, _ = rays_inwards()
     towards = ways @ np.array([np.sin(lean), 0, np.cos(lean)])
     length = distance_mm / np.maximum(towards, 1e-9)
-    table, logarithm = through_along(slabs), np.log(slabs.thickness_mm)
+    table, logarithm = through_along(slabs.thickness_mm, slabs.through_rgb), np.log(slabs.thickness_mm)
     each = np.stack([np.interp(np.log(length), logarithm, table[:, c], right=0) for c in range(3)], axis=1)
     return gathered(np.where(towards[:, None] > 0, each, 0))[0]
 

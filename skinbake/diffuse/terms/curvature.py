@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Tiles, coarser_atlas, coarser_size, interpolate
+from skinbake.atlas import FIRST_TILE, Tiles, coarser_atlas, coarser_size, interpolate, local_uv, tile_of_face
 from skinbake.atlas.sample import bilinear, texels_around
+from skinbake.atlas.texel_coordinates import texel_xy
 from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.terms.flesh_form import decay_below
@@ -21,8 +22,10 @@ from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
-from skinbake.profile.curved_skin import curved_gain, curved_share
+from skinbake.profile.curved_skin import curved_gain, curved_share, through_curved
 from skinbake.profile.effective_medium import one_layer
+from skinbake.profile.layers import Layer
+from skinbake.profile.medium import Medium
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.decision import Decision
 from skinbake.scene.mesh import SkinMesh
@@ -49,17 +52,51 @@ class CurvedSkin:
         What skin sends back over what a plane does, of light from everywhere, likewise.
     weight, share : ndarrays of shape (N, 3)
         Of the lobes; the latter says how they share the gain less 1.
+    layer : Layer
+        The medium that all this is of.
     """
 
     curvature_per_mm: Tiles
     gain: Tiles
     weight: Float
     share: Float
+    layer: Layer
 
     @property
     def spreads_beams_alone(self) -> bool:
         """Whether no lobe changes by it, as of a white profile: there is nothing to it where no beam is shifted."""
         return not self.share.any()
+
+    def through_slabs(self, thickness_mm: Float) -> Float:
+        """What the gain has of light from a slab's other side, (K, 3), as a share of what a plane sends back."""
+        return through_curved(self.layer.medium, self.layer.eta, _decay(self.layer.medium), thickness_mm)
+
+    def held(self, mesh: SkinMesh, udim: bool, face: NDArray[np.int64], uv: Float) -> Image | None:
+        """Light inside at places of the skin over that below a plane, (n, 3); None: a white profile has it.
+
+        That is the gain of mean curvature alone, as what comes through the flesh is counted where it leaves. Its square
+        root: against walks through two heads the gain itself was too much, none too little.
+
+        Parameters
+        ----------
+        mesh : SkinMesh
+        udim : bool
+        face : ndarray of shape (n,)
+            -1: none there.
+        uv : ndarray of shape (n, 2)
+        """
+        if self.spreads_beams_alone:
+            return None
+        of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
+        found = np.ones((len(face), 3), np.float32)
+        for tile, bend in self.curvature_per_mm.items():
+            height, width = bend.shape[:2]
+            gain = np.sqrt(curved_gain(self.layer.medium, self.layer.eta, bend.reshape(-1, 3))).astype(np.float32)
+            pick = np.flatnonzero((face >= 0) & (of_face[face] == tile))
+            x, y = texel_xy(*local_uv(uv[pick], tile).T, height, width)  # curvature is smooth: its nearest texel
+            row, col = np.clip(y.astype(np.int64), 0, height - 1), np.clip(x.astype(np.int64), 0, width - 1)
+            found[pick] = gain[row * width + col]
+        return found
 
     def applied(self, lobes: Sequence[Lobe], through: Mapping[int, Image] | None = None) -> tuple[Lobe, ...]:
         """The lobes of the profile, each times what the skin's form makes of it.
@@ -68,7 +105,7 @@ class CurvedSkin:
         ----------
         lobes : sequence of Lobe
         through : mapping of int to ndarray of shape (h, w, 3), optional
-            What another lobe adds in even light, as a share of what a plane sends back: it has that part of the gain.
+            What of the gain in even light another lobe has, as a share of what a plane sends back.
         """
         factors, found = lobe_factors(self.weight, self.share), []
         gain = {tile: _less(image, through.get(tile) if through else None) for tile, image in self.gain.items()}
@@ -142,8 +179,7 @@ def curve_skin(
     if gaussians.normalise == "white" and not beams:
         return None, formed_already(switch)
     # Light that leaves has come from as far as the geometric mean of a free path and the diffusion length
-    path_mm, decay = layer.medium.free_path_mm, layer.medium.sigma_tr_per_mm
-    decay = np.maximum(decay, 1 / (FURTHEST_PATHS * path_mm))
+    path_mm, decay = layer.medium.free_path_mm, _decay(layer.medium)
     smoothed_mm = SMOOTHED * path_mm / np.sqrt(decay * path_mm)
     bend = mean_curvature(mesh, smoothed_mm)
     # A white profile has the skin's own form in it: where beams are spread, mean curvature is all that counts
@@ -166,7 +202,12 @@ def curve_skin(
     curvature, even = ({r.tile: interpolate(r, of[mesh.faces]) for r in atlas} for of in (bend, gain))
     # A white profile is what skin sends back of light from everywhere, its own form included, as albedo maps are
     share = np.zeros_like(gaussians.weight_rgb) if white else curved_share(gaussians, layer.medium, layer.eta)
-    return CurvedSkin(curvature, even, gaussians.weight_rgb, share), line
+    return CurvedSkin(curvature, even, gaussians.weight_rgb, share, layer), line
+
+
+def _decay(medium: Medium) -> Float:
+    """Rate at which light dies away below a plane, 1/mm, where it reaches no further than counts."""
+    return np.maximum(medium.sigma_tr_per_mm, 1 / (FURTHEST_PATHS * medium.free_path_mm))
 
 
 def _beyond(difference: Float, error: Float) -> Float:

@@ -54,6 +54,8 @@ class FarSide(NamedTuple):
         The place, mm about the occluder's centre, and its unit normal.
     depth_mm : ndarray of shape (n,)
         Of the place below the tangent plane.
+    held : ndarray of shape (n, 3), optional
+        Light inside there over that below a plane, for the form of the skin.
     """
 
     face: NDArray[np.int64]
@@ -63,6 +65,7 @@ class FarSide(NamedTuple):
     point: Float
     normal: Float
     depth_mm: Float
+    held: Image | None = None
 
 
 def far_side(occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image, ways: Float = STRAIGHT_IN) -> FarSide:

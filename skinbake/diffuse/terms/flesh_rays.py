@@ -11,13 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.diffuse.terms.slab_weights import SlabWeights
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
-WIDEST = 0.25  # least cosine: rays that graze meet the point's own side
-RINGS, AROUND = 2, 6  # two cosines make slabs of all thicknesses right to 2 %
-TERMS = 8
+WIDEST = 0.1  # least cosine: rays that graze meet the point's own side
+RINGS, AROUND = 3, 5  # three cosines make slabs of all thicknesses right to 2 %
+TERMS = 5
 
 
 def rays_inwards() -> tuple[Float, Float]:
@@ -30,17 +29,24 @@ def rays_inwards() -> tuple[Float, Float]:
     return ways, np.repeat((1 - WIDEST) * share / 2 / AROUND, AROUND)
 
 
-def through_along(slabs: SlabWeights) -> Float:
-    """t(r) for rays of the lengths `slabs.thickness_mm`, (K, 3), for cosines from `WIDEST` to 1.
+def through_along(thickness_mm: Float, through_rgb: Float) -> Float:
+    """t(r) for rays of the lengths `thickness_mm`, (K, 3), for cosines from `WIDEST` to 1.
 
     These bring U(d) - c U(d / c) of t = U - r dU/dr, c the least cosine: T(d) for U(d) = T(d) + c T(d / c) + ...
+
+    Parameters
+    ----------
+    thickness_mm : ndarray of shape (K,)
+        Of slabs, ascending.
+    through_rgb : ndarray of shape (K, 3)
+        What they let through.
     """
-    logarithm = np.log(slabs.thickness_mm)
-    whole = np.zeros_like(slabs.through_rgb)
+    logarithm = np.log(thickness_mm)
+    whole = np.zeros_like(through_rgb)
     for k in range(TERMS):
         further = logarithm - k * np.log(WIDEST)
         for c in range(whole.shape[1]):
-            whole[:, c] += WIDEST**k * np.interp(further, logarithm, slabs.through_rgb[:, c], right=0.0)
+            whole[:, c] += WIDEST**k * np.interp(further, logarithm, through_rgb[:, c], right=0.0)
     slope: Float = np.gradient(whole, logarithm, axis=0)
     return whole - slope
 

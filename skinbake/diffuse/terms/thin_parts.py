@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster, coarser_atlas, face_mm_per_texel
+from skinbake.diffuse.terms.curvature import CurvedSkin
 from skinbake.diffuse.terms.far_side import FarSide, far_side, inwards
 from skinbake.diffuse.terms.flesh_rays import rays_inwards
 from skinbake.diffuse.terms.skin_hits import skin_points
@@ -77,6 +78,7 @@ class ThinParts(NamedTuple):
         medium: SkinMedium | None = None,
         scatter: float = 1.0,
         texel_mm: float = TEXEL_MM,
+        curved: CurvedSkin | None = None,
     ) -> ThinParts:
         """Trace inwards from the texels of a texture.
 
@@ -86,6 +88,8 @@ class ThinParts(NamedTuple):
             As of `transmit`.
         texel_mm : float
             Of the texels that are looked behind, about.
+        curved : CurvedSkin, optional
+            Where curvature is counted: round skin holds more of the light that arrives.
         """
         reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
         if scatter < 1 or (gaussians.table is not None and gaussians.table.scatters):
@@ -104,7 +108,10 @@ class ThinParts(NamedTuple):
                 for first in range(0, len(raster.coverage), band)
             ]
             rows, cols, *far = (np.concatenate(part) for part in zip(*found, strict=True))
-            tiles.append(ThinTile(raster, rows, cols, FarSide(*far)))
+            behind = FarSide(*far)
+            if curved:
+                behind = behind._replace(held=curved.held(mesh, udim, behind.face, behind.uv))
+            tiles.append(ThinTile(raster, rows, cols, behind))
         return cls(weights, gaussians, tuple(tiles), occluder.centre_mm)
 
 
@@ -133,7 +140,7 @@ def _look_behind(
     lit &= read_weights(weights, weights.through_rgb, far).max(axis=1) >= DARK
     near = near[lit]
     far = far_side(occluder, mesh, point[near], normal[near], rays_inwards()[0])
-    return rows[near], cols[near], *far
+    return rows[near], cols[near], *far[:-1]
 
 
 def _of_what_scatters(

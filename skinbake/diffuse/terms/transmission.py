@@ -33,7 +33,7 @@ from skinbake.diffuse.terms.thin_worth import SEEN_SHARE, contribution
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float, safe_div
+from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.lights import LightSpec
@@ -161,25 +161,7 @@ def transmitted_lobe(
     return Lobe(float(thin.gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb)
 
 
-def even_share(diffused: DiffuseMap, thin: ThinParts) -> dict[int, Image]:
-    """What `transmit` adds in even light from everywhere, as a share of what a plane sends back, (h, w, 3) a tile.
-
-    Parameters
-    ----------
-    diffused : DiffuseMap
-        Blurred irradiance.
-    thin : ThinParts
-    """
-    total, found = thin.gaussians.weight_rgb.sum(axis=0), {}
-    for raster, rows, cols, far in thin.tiles:
-        image = np.zeros((*raster.shape, 3), np.float32)
-        more = _along(thin, far) - _carried_already(diffused, thin, far)
-        image[rows, cols] = safe_div(gathered(np.maximum(more, np.float32(0))), total)
-        found[raster.tile] = image
-    return found
-
-
-def _carried_already(diffused: DiffuseMap, thin: ThinParts, far: FarSide, times: Float | None = None) -> Image:
+def carried_already(diffused: DiffuseMap, thin: ThinParts, far: FarSide, times: Float | None = None) -> Image:
     """What lobes that were summed over the surface in space have of what rays bring already, (n R, 3).
 
     The face that a ray of length r meets at a cosine has r^2 / cosine of area a unit of solid angle: 2 pi r^2 G(v, r) a
@@ -198,9 +180,17 @@ def _carried_already(diffused: DiffuseMap, thin: ThinParts, far: FarSide, times:
     return less
 
 
-def _along(thin: ThinParts, far: FarSide) -> Image:
-    """What rays bring, (n R, 3)."""
-    return read_weights(thin.weights, through_along(thin.weights), far)
+def along_rays(thin: ThinParts, far: FarSide) -> Image:
+    """What rays bring of even light, (n R, 3).
+
+    Parameters
+    ----------
+    thin : ThinParts
+    far : FarSide
+        Of one of its tiles.
+    """
+    brought = read_weights(thin.weights, through_along(thin.weights.thickness_mm, thin.weights.through_rgb), far)
+    return brought if far.held is None else brought * far.held
 
 
 def _across(
@@ -232,10 +222,10 @@ def _across(
     """
     narrow = [i for i, lobe in enumerate(diffused.lobes) if lobe.variance_mm2 <= thin.weights.free_path_mm**2]
     if times is None:
-        less = [_carried_already(diffused, thin, far)] * len(factor)
+        less = [carried_already(diffused, thin, far)] * len(factor)
     else:
-        less = [_carried_already(diffused, thin, far, of_light) for of_light in times]
-    of_rays = _OfLobe(_along(thin, far), less, factor)
+        less = [carried_already(diffused, thin, far, of_light) for of_light in times]
+    of_rays = _OfLobe(along_rays(thin, far), less, factor)
     read = narrow[-1] if narrow else 0
     light = _gather(diffused, mesh, udim, far.face, far.uv, lambda number: of_rays if number == read else None, rest)
     if times is not None:  # what rays bring is of the light once
