@@ -91,9 +91,10 @@ class CurvedSkin:
         found = np.ones((len(face), 3), np.float32)
         for tile, bend in self.curvature_per_mm.items():
             height, width = bend.shape[:2]
-            gain = np.sqrt(curved_gain(self.layer.medium, self.layer.eta, bend.reshape(-1, 3))).astype(np.float32)
+            gain = np.sqrt(curved_gain(self.layer.medium, self.layer.eta, bend.reshape(-1, 3).astype(np.float64)))
             pick = np.flatnonzero((face >= 0) & (of_face[face] == tile))
-            x, y = texel_xy(*local_uv(uv[pick], tile).T, height, width)  # curvature is smooth: its nearest texel
+            local = local_uv(uv[pick], tile)
+            x, y = texel_xy(local[:, 0], local[:, 1], height, width)  # curvature is smooth: its nearest texel
             row, col = np.clip(y.astype(np.int64), 0, height - 1), np.clip(x.astype(np.int64), 0, width - 1)
             found[pick] = gain[row * width + col]
         return found
