@@ -167,6 +167,15 @@ def carried_already(diffused: DiffuseMap, thin: ThinParts, far: FarSide, times: 
     The face that a ray of length r meets at a cosine has r^2 / cosine of area a unit of solid angle: 2 pi r^2 G(v, r) a
     share of the hemisphere. Through a slab that adds up to exp(-d^2 / 2v), as it must (theory.md 7.2), and the lobe's
     sum is over that and its own side's 1.
+
+    Parameters
+    ----------
+    diffused : DiffuseMap
+    thin : ThinParts
+    far : FarSide
+        Of one of its tiles.
+    times : ndarray of shape (N, 3), optional
+        How many times each lobe has the light that came in.
     """
     steep = np.maximum(far.opposed, STEEPEST).astype(np.float32)[:, None]
     less = np.zeros((len(steep), 3), np.float32)
