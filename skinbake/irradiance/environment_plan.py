@@ -145,8 +145,9 @@ def _fewest_samples(
     """Number of directions that keeps the rms error of the light within `limit`, 0 if shadows matter less, the reason,
     and the error that is left.
 
-    The noise of n directions is found from their distance to 4 n others, whose own noise is taken as 1 / sqrt(8) of it:
-    between that of random directions, a half, and that of a low-discrepancy sequence, a quarter. Both ask the same few
+    They are doubled until they are enough; between the half and the whole, two halvings then find what is enough to an
+    eighth. The noise of n directions is found from their distance to r n others, whose own noise is taken as r^-3/4 of
+    it: between that of random directions, r^-1/2, and that of a low-discrepancy sequence, 1 / r. All ask the same few
     points, whose shadows are traced once for all skies.
     """
     share = points.shares(*sky.draw(FEWEST, offset))[:, :3]
@@ -154,19 +155,31 @@ def _fewest_samples(
     shadows = f"shadows take {without:.2%} rms off"
     if without <= limit and not must:
         return 0, f"{shadows}, no more than {limit:.2%}", without
-    few, before, samples = base[::POINTS_EACH], "", FEWEST
-    while True:
-        found, reference = (
-            few * points.few_shares(*sky.draw(count, shift))[:, :3]
-            for count, shift in ((samples, offset), (4 * samples, (offset + 0.5) % 1))
-        )
-        error = _relative(found, reference) / np.sqrt(1 + 1 / 8)
-        if error <= limit or samples == MOST:
-            verdict = "within" if error <= limit else "the most there are, above"
-            why = f"{shadows}; {samples} directions are off by {error:.2%}{before}, {verdict} {limit:.2%}"
-            return samples, why, float(error)
+    few = base[::POINTS_EACH]
+
+    def light(count: int, shift: float) -> Float:
+        return np.asarray(few * points.few_shares(*sky.draw(count, shift % 1))[:, :3], np.float64)
+
+    def noise(count: int) -> float:
+        return _relative(light(count, offset), others) / float(np.sqrt(1 + (count / (4 * samples)) ** 1.5))
+
+    samples, others, before = FEWEST, light(4 * FEWEST, offset + 0.5), ""
+    while (error := noise(samples)) > limit:
+        if samples == MOST:
+            why = f"{shadows}; {samples} directions are off by {error:.2%}, the most there are, above {limit:.2%}"
+            return samples, why, error
         before = f" ({samples} by {error:.2%})"
         samples *= 2
+        others = light(4 * samples, offset + 0.5)
+    too_few, enough = samples // 2, samples
+    for _ in range(2 if samples > FEWEST else 0):
+        middle = (too_few + enough) // 2
+        of_middle = noise(middle)
+        if of_middle <= limit:
+            enough, error = middle, of_middle
+        else:
+            too_few, before = middle, f" ({middle} by {of_middle:.2%})"
+    return enough, f"{shadows}; {enough} directions are off by {error:.2%}{before}, within {limit:.2%}", error
 
 
 def _unshadowed(matrix: Float, table: Image, normal: Image, addressed: NDArray[np.bool_]) -> Image:

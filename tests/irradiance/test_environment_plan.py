@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -117,6 +119,21 @@ def test_finer_tolerances_ask_for_more_directions():
     assert counts[0] < counts[2] < counts[3]
     assert counts[-1] == 4096
     assert "the most there are" in plan(mesh, sky(), 1e-5).lines[1].why
+
+
+@pytest.mark.parametrize("tolerance", [0.03, 0.02, 0.013, 0.01, 0.007, 0.005, 0.004])
+def test_a_fifth_fewer_directions_would_be_too_few(tolerance):
+    """The number of directions is found to an eighth of a power of two: the next fewer, as told, are too few."""
+    mesh = joined(relief(), quad(25.0, 25.0, z_mm=30.0, uv_box=(0.97, 0, 1, 0.03)))
+    found = plan(mesh, sky(), tolerance)
+    told = re.search(
+        r"(\d+) directions are off by ([\d.]+)% \((\d+) by ([\d.]+)%\), within ([\d.]+)%", found.lines[1].why
+    )
+    assert told
+    enough, error, fewer, of_fewer, limit = map(float, told.groups())
+    assert enough == found.samples > 16
+    assert 0.8 * enough <= fewer < enough
+    assert error <= limit <= of_fewer
 
 
 def test_a_black_sky_is_black():
