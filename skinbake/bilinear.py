@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.stored_precision import half_holds
 
@@ -82,3 +83,58 @@ def magnify_bilinear(
         first, second = image.take(low, axis), image.take(np.minimum(low + 1, count - 1), axis)
         image = first + (second - first) * share
     return image
+
+
+def add_magnified(image: NDArray[np.float32], weight: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    """Add an image, read at the texel centres of another size as `magnify_bilinear` does, times a weight.
+
+    Parameters
+    ----------
+    image : ndarray of shape (h, w, 3), float32
+    weight : ndarray of shape (H, W, 3) or (1, 1, 3)
+    out : ndarray of shape (H, W, 3), float32
+        Added to.
+    """
+    (rows, down), (cols, right) = (
+        _between(size, count) for size, count in zip(out.shape, image.shape[:2], strict=False)
+    )
+    _add(np.asarray(image, np.float32), (rows, down, cols, right), np.asarray(weight, np.float32), out)
+
+
+def _between(size: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Of `size` texel centres: the lower of the two of `count` texels that each lies between, and the other's share."""
+    if size == count:
+        return np.arange(size), np.zeros(size, np.float32)
+    place = np.clip((np.arange(size) + 0.5) * (count / size) - 0.5, 0, count - 1)
+    low = np.minimum(place.astype(np.int64), max(count - 2, 0))
+    return low, (place - low).astype(np.float32)
+
+
+@kernel
+def _add(image, places, weight, out):  # type: ignore[no-untyped-def]
+    """`add_magnified`, between rows first.
+
+    Parameters
+    ----------
+    image : ndarray of shape (h, w, 3)
+    places : tuple of four ndarrays
+        Lower rows (H,) and the share of the next, columns (W,) and the share of the next.
+    weight : ndarray of shape (H, W, 3) or (1, 1, 3)
+    out : ndarray of shape (H, W, 3), added to
+    """
+    rows, down, cols, right = places
+    height, width, same = out.shape[0], out.shape[1], image.shape[1] == out.shape[1]
+    line = np.empty(3 * image.shape[1], np.float32)
+    for row in range(height):
+        low = rows[row]
+        upper, lower = image[low].reshape(-1), image[min(low + 1, len(image) - 1)].reshape(-1)
+        share = down[row]
+        for k in range(len(line)):
+            line[k] = upper[k] + (lower[k] - upper[k]) * share
+        of = weight[row % len(weight)]
+        for col in range(width):
+            at, at_weight = 3 * cols[col], col % len(of)
+            after = at if same else min(at + 3, len(line) - 3)
+            for c in range(3):
+                value = line[at + c] + (line[after + c] - line[at + c]) * right[col]
+                out[row, col, c] += of[at_weight, c] * value

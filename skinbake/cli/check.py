@@ -186,7 +186,8 @@ def _told(spec: SceneSpec, scene: SceneData, size: TextureSize) -> list[str]:
         told.append(f"relight: one of up to {spec.relight.textures} textures, kept in the cache, may show its lights")
     elif spec.relight is not None:
         width, height = transfer_size(spec)
-        told.append(f"relight: up to {spec.relight.textures} textures of {width} x {height} for any sky and any sun")
+        many = f"up to {spec.relight.textures}" if spec.relight.fewer else spec.relight.textures
+        told.append(f"relight: {many} textures of {width} x {height} for any sky and any sun")
     return told
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import AtlasRaster, coarser_size
 from skinbake.atlas.raster import NO_FACE
 from skinbake.atlas.sample import bilinear, texels_around
-from skinbake.bilinear import magnify_bilinear
+from skinbake.bilinear import add_magnified, magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.light_entering import albedo_of
 from skinbake.diffuse.skin_weights import SkinWeights
@@ -182,7 +182,10 @@ def _leaving(
             def add(
                 i: int, image: Image = image, rgb: Image = rgb, shape: tuple[int, int] = shape, weight: Image = weight
             ) -> None:
-                image[i] += _at_middles(rgb[i : i + 1], shape)[0] * weight
+                if rgb.shape[1] < shape[0] or rgb.shape[2] < shape[1]:
+                    add_magnified(rgb[i], weight, image[i])
+                else:
+                    image[i] += _at_middles(rgb[i : i + 1], shape)[0] * weight
 
             on_threads(add, lights)
         rest()

@@ -1,4 +1,4 @@
-"""Which lights a transfer is made of: harmonics or fitted ones, and as few as the tolerance allows."""
+"""Which lights a transfer is made of: harmonics or fitted ones, as few as the tolerance allows or as many as asked."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HIGHEST = 6  # order of harmonics
 
 
 def choose_basis(spec: RelightSpec, irradiance: Float, sky_harmonics: Float, seed: int) -> tuple[LightBasis, Decision]:
-    """The smaller of the two bases that keep skies within the tolerance; else what is nearest to it.
+    """The smaller of the two bases that keep skies within the tolerance; else the one that errs less.
 
     Parameters
     ----------
@@ -47,21 +47,23 @@ def choose_basis(spec: RelightSpec, irradiance: Float, sky_harmonics: Float, see
     if spec.basis != "fitted":
         orders = range(1, min(HIGHEST, math.isqrt(spec.textures) - 1) + 1)
         found = [(float(errors(basis)[-1]), basis) for basis in map(harmonic_basis, orders)]
-        rms, basis = next((each for each in found if each[0] <= spec.tolerance), found[-1])
+        rms, basis = next((each for each in found if spec.fewer and each[0] <= spec.tolerance), found[-1])
         options.append((rms, len(basis), basis))
         told.append(f"{len(basis)} harmonics {rms:.2%}")
     if spec.basis != "harmonics":
         basis = fitted_basis(products, min(sum(lights_in(spec.textures)), irradiance.shape[1]), seed)
         of_count = errors(basis)
         found_in = {count: float(of_count[sum(lights_in(count)) - 1]) for count in range(1, spec.textures + 1)}
-        count = next((count for count, rms in found_in.items() if rms <= spec.tolerance), spec.textures)
+        enough = (count for count, rms in found_in.items() if spec.fewer and rms <= spec.tolerance)
+        count = next(enough, spec.textures)
         rms, basis = found_in[count], first(basis, count)
         options.append((rms, count, basis))
         told.append(f"{count} fitted {rms:.2%}")
-    within = [each for each in options if each[0] <= spec.tolerance]
+    within = [each for each in options if spec.fewer and each[0] <= spec.tolerance]
     rms, _, basis = min(within, key=lambda each: each[1]) if within else min(options, key=lambda each: each[0])
-    verdict = "within" if within else "the most asked for, above"
-    why = f"{spec.basis}: of skies before scattering {' or '.join(told)} are off, {verdict} {spec.tolerance:.2%}"
+    verdict = f"within {spec.tolerance:.2%}" if within else f"the most asked for, above {spec.tolerance:.2%}"
+    verdict = verdict if spec.fewer else "as many as asked for"
+    why = f"{spec.basis}: of skies before scattering {' or '.join(told)} are off, {verdict}"
     return basis, Decision(f"relight.{basis.kind}", True, why)
 
 

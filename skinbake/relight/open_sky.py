@@ -11,7 +11,7 @@ from skinbake.atlas import Atlas, Tiles, coarser_atlas, signed_uv_area
 from skinbake.irradiance.environment_share import aim
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
-from skinbake.irradiance.settled_rays import no_answers
+from skinbake.irradiance.settled_rays import Answers, SettledRays, has_bit, set_bit
 from skinbake.irradiance.sky_points import all_around
 from skinbake.irradiance.surface import texel_surface
 from skinbake.kernels.compile import kernel
@@ -25,6 +25,9 @@ TEXEL_MM = 2.0  # of the small atlas, on average; penumbras of what 25 textures 
 SMALLEST = 64  # texels of its shorter side
 WHOLE = 255  # a share of 1
 SEEN_ORDER = 2  # of harmonics by which the oil knows what is open
+COARSEST = (
+    2  # texels apart that trace every ray; those between trace what the four around them do not agree on: .06 % off
+)
 RAYS = 1 << 16  # that a thread has in memory at a time
 
 
@@ -74,7 +77,7 @@ def small_size(scene: SceneData, size: tuple[int, int]) -> tuple[int, int]:
 
 
 def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], directions: int = DIRECTIONS) -> OpenSky:
-    """Trace a ray from every texel to every direction above its horizon.
+    """Trace rays from every texel to the directions above its horizon.
 
     Parameters
     ----------
@@ -97,11 +100,44 @@ def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], direction
         origin, normal = surface.origins(texels), surface.smooth_normal.reshape(-1, 3)[texels]
         occluder = scene.occluder if spec.shadows else None
         rows[raster.tile], origins[raster.tile], normals[raster.tile] = row, origin, normal
-        shares[raster.tile] = _traced(origin, normal, towards, occluder)
+        shares[raster.tile] = _shares(raster.addressed, surface.smooth_normal, origin, towards, occluder)
     return OpenSky(atlas, towards, origins, normals, rows, shares, spec.shadows)
 
 
-def _traced(origin: Image, normal: Image, towards: Image, occluder: Occluder | None) -> NDArray[np.uint8]:
+def _shares(
+    addressed: NDArray[np.bool_], smooth_normal: Image, origin: Image, towards: Image, occluder: Occluder | None
+) -> NDArray[np.uint8]:
+    """Shares of a tile's n texels by direction, (n, D): of those between others only what these do not agree on.
+
+    Parameters
+    ----------
+    addressed : ndarray of shape (h, w)
+    smooth_normal : ndarray of shape (h, w, 3)
+    origin : ndarray of shape (n, 3)
+        Of the addressed texels.
+    towards : ndarray of shape (D, 3)
+    occluder : Occluder, optional
+        None: nothing is in the way.
+    """
+    texels = np.flatnonzero(addressed)
+    row, col = np.divmod(texels, addressed.shape[1])
+    normal = smooth_normal.reshape(-1, 3)[texels]
+    settled = SettledRays(addressed, smooth_normal, COARSEST, len(towards))
+    share, undone, stride = np.empty((len(texels), len(towards)), np.uint8), np.ones(len(texels), np.bool_), COARSEST
+    while stride:
+        these = np.flatnonzero(undone & (row % stride == 0) & (col % stride == 0))
+        answers = settled.of(texels[these], stride)
+        share[these] = _traced(origin[these], normal[these], towards, occluder, answers)
+        undone[these] = False
+        if stride > 1:
+            settled.keep(texels[these], answers)
+        stride //= 2
+    return share
+
+
+def _traced(
+    origin: Image, normal: Image, towards: Image, occluder: Occluder | None, answers: Answers
+) -> NDArray[np.uint8]:
     """Shares of points (n, 3) by direction, (n, D).
 
     Parameters
@@ -109,20 +145,20 @@ def _traced(origin: Image, normal: Image, towards: Image, occluder: Occluder | N
     origin, normal : ndarrays of shape (n, 3)
     towards : ndarray of shape (D, 3)
     occluder : Occluder, optional
-        None: nothing is in the way.
+    answers : ndarray of shape (n, 2, words), changed in place
+        What is known; completed.
     """
     columns = np.ascontiguousarray(towards.T)
     share = np.empty((len(origin), len(towards)), np.uint8)
-    unasked = no_answers(len(origin), 0)  # every ray is traced
 
     def trace(part: slice) -> None:
         starts, rays = (np.empty((len(share[part]) * len(towards), 3), np.float32) for _ in range(2))
-        count = aim(origin[part], normal[part], columns, unasked[part], starts, rays)
+        count = aim(origin[part], normal[part], columns, answers[part], starts, rays)
         clear = np.ones(count, np.float32)
         if occluder is not None:
             reach = np.full(count, np.inf, np.float32)
             clear = occluder.unhindered(starts[:count], rays[:count], reach).astype(np.float32)
-        _keep(clear, normal[part], columns, share[part])
+        _keep(clear, normal[part], columns, answers[part], share[part])
 
     for_slices(trace, len(origin), max(1, RAYS // len(towards)))
     return share
@@ -166,14 +202,16 @@ def _project(first: int, stop: int, share: NDArray[np.uint8], part: Image, out: 
 
 
 @kernel
-def _keep(clear: Image, normal: Image, columns: Image, share: NDArray[np.uint8]) -> None:
-    """Write the shares of `aim`'s rays, and each texel's cosine-weighted mean below its horizon.
+def _keep(clear: Image, normal: Image, columns: Image, answers: Answers, share: NDArray[np.uint8]) -> None:
+    """Write the shares, by `aim`'s rays and what was known, and each texel's cosine-weighted mean below its horizon.
 
     Parameters
     ----------
     clear : ndarray of shape (rays,)
     normal : ndarray of shape (n, 3)
     columns : ndarray of shape (3, D)
+    answers : ndarray of shape (n, 2, words)
+        Completed; what a ray passes in part is neither open nor blocked.
     share : ndarray of shape (n, D)
         Written.
     """
@@ -183,10 +221,18 @@ def _keep(clear: Image, normal: Image, columns: Image, share: NDArray[np.uint8])
         for d in range(columns.shape[1]):
             cosine = normal[i, 0] * columns[0, d] + normal[i, 1] * columns[1, d] + normal[i, 2] * columns[2, d]
             if cosine > 0.0:
-                share[i, d] = np.uint8(255.0 * clear[ray] + 0.5)
-                seen += cosine * clear[ray]
+                if has_bit(answers[i, 0], d):
+                    passed = np.float32(1)
+                elif has_bit(answers[i, 1], d):
+                    passed = np.float32(0)
+                else:
+                    passed = clear[ray]
+                    ray += 1
+                    if passed == 0.0 or passed == 1.0:
+                        set_bit(answers[i, 0 if passed > 0.0 else 1], d)
+                share[i, d] = np.uint8(255.0 * passed + 0.5)
+                seen += cosine * passed
                 whole += cosine
-                ray += 1
         mean = np.uint8(255.0 * seen / whole + 0.5) if whole > 0.0 else np.uint8(0)
         for d in range(columns.shape[1]):
             cosine = normal[i, 0] * columns[0, d] + normal[i, 1] * columns[1, d] + normal[i, 2] * columns[2, d]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, Tiles
-from skinbake.bilinear import magnify_bilinear
+from skinbake.bilinear import add_magnified
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.draw_probes import draw_probes
 from skinbake.diffuse.light_entering import albedo_of, entering_again
@@ -251,7 +251,7 @@ def summed_lobes(lobes: tuple[Lobe, ...], weights: SkinWeights, tile: int, shape
 
     def add(k: int) -> None:
         for each, lobe in zip(weight, lobes, strict=True):
-            out[k] += each * magnify_bilinear(lobe.rgb[tile][k], shape)
+            add_magnified(lobe.rgb[tile][k], each, out[k])
 
     on_threads(add, len(out))
     return out

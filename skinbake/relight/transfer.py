@@ -42,7 +42,8 @@ Say = Callable[[str], None]
 DEFAULT_SIZE = 1024
 ORDER = 14  # of the harmonics in which lights are described to a fitted basis
 CHOOSING, POINTS = 8, 8192  # skies and points of the skin by which a basis is chosen
-LIT_AT_ONCE, AT_ONCE = 41, 8  # lights that are lit together, and of them those that are blurred together
+LIT_BYTES, AT_ONCE = 9 << 27, 8  # of lights that are lit together, and how many of them are blurred together
+LEAST_TOGETHER = 5  # times as many that are lit together, whatever their bytes
 JUDGED_WITHIN = 0.005  # tolerance of the blurs that are compared
 
 
@@ -135,7 +136,7 @@ def make_transfer(
     say(f"relighting: {basis.textures} textures of {len(basis)} lights")
     udim, texture = spec.texture.udim, full.texture
     atlas = rasterize(scene.mesh, texture.size, texture.gutter, udim)
-    _check_memory(full, basis.textures + LIT_AT_ONCE, len(atlas), len(gaussians.variance_mm2))
+    _check_memory(full, basis.textures + _lit_at_once(atlas, basis), len(atlas), len(gaussians.variance_mm2))
     look_around = cache(lambda: seen_skin(sky, scene, texture.size, udim))
     scattering = Scattering(full, decisions, scene, atlas, gaussians, medium, slant, look_around, say)
     textures = _scattered(scattering, atlas, scene, sky, passage, basis, say)
@@ -233,6 +234,12 @@ def _points(atlas: Atlas) -> list[NDArray[np.int64]]:
     return [np.minimum(np.searchsorted(a, p), len(a) - 1) for a, p in zip(area, places, strict=True)]
 
 
+def _lit_at_once(atlas: Atlas, basis: LightBasis) -> int:
+    """How many lights are lit together, the even one among them: to read what is open takes as long as 100 lights."""
+    of_one = 12 * sum(raster.coverage.size for raster in atlas)
+    return min(max(LIT_BYTES // (AT_ONCE * of_one), LEAST_TOGETHER) * AT_ONCE, len(basis) + 1)
+
+
 def _scattered(
     scattering: Scattering, atlas: Atlas, scene: SceneData, sky: OpenSky, passage: Passage, basis: LightBasis, say: Say
 ) -> Tiles:
@@ -257,8 +264,9 @@ def _scattered(
     columns = np.maximum(columns, 0)
     out = {raster.tile: np.empty((basis.textures, *raster.shape, 3), np.float32) for raster in atlas}
     even: Tiles = {}
-    for start in range(0, len(basis) + 1, LIT_AT_ONCE):
-        some = columns[:, start : start + LIT_AT_ONCE]
+    at_once = _lit_at_once(atlas, basis)
+    for start in range(0, len(basis) + 1, at_once):
+        some = columns[:, start : start + at_once]
         lit = {raster.tile: basis_irradiance(raster, scene, sky, passage, some) for raster in atlas}
         for begin in range(0, some.shape[1], AT_ONCE):
             number = start + begin - 1  # of the first of these lights; even light comes before all

@@ -197,6 +197,9 @@ class RelightSpec(Strict):
 
     textures: Annotated[int, Field(ge=4, le=64)] = 25
     """The most textures; fewer where these keep the tolerance."""
+    fewer: bool = True
+    """Whether fewer are taken where these keep the tolerance; `false` takes `textures`, of harmonics the most whole
+    orders in them."""
     size: Annotated[int, Field(ge=16, le=LARGEST_SIZE)] | None = None
     """Texels of the textures' longer side; by default 1024, or that of the texture where it is smaller."""
     tolerance: Tolerance = 0.02

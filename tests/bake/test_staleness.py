@@ -253,7 +253,7 @@ CHANGES = {
               *({f"preview.camera.{key}": value} | CAMERA for key, value in
                 (("target_mm", [0, 3, 0]), ("distance_mm", 80.0), ("azimuth_deg", 30.0), ("elevation_deg", 20.0)))],
     "relit": [{"relight.textures": 7, "relight.size": 16, "relight.tolerance": 0.2, "relight.basis": "harmonics",
-               "texturing.mode": "post-scatter", "relight.reuse": True}],
+               "relight.fewer": False, "texturing.mode": "post-scatter", "relight.reuse": True}],
 }  # fmt: skip
 FILES = {
     "head": ["head.obj", "albedo.exr", "normal.exr", "rough.exr"],

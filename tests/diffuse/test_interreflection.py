@@ -65,6 +65,27 @@ def test_bounces_go_on_until_the_rest_is_negligible():
         assert rest <= negligible or bounces == 16
 
 
+def test_lights_together_are_what_each_is_alone():
+    """To the bit, whenever each stops and whatever of it counts; in a number that fills no whole vector."""
+    mesh = cavity()
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, 16)
+    rng = np.random.default_rng(2)
+    sent, gain = rng.random((7, *SIZE, 3), np.float32), rng.uniform(0.5, 1, (7, 3)).astype(np.float32)
+    grey, most, enough = (
+        [np.full((1, 1, 3), 0.6, np.float32)],
+        [1, 2, 3, 16, 16, 16, 16],
+        [0, 0, 0, 0.5, 0.2, 0.1, 0.05],
+    )
+    together = bounced_light(view, [sent], grey, most, enough, gain)
+    assert len(set(together.bounces)) > 3
+    for k in range(7):
+        alone = bounced_light(view, [sent[k : k + 1]], [grey[0] * gain[k]], most[k], enough[k])
+        assert (alone.bounces, alone.left, alone.noise) == (together.bounces[k], together.left[k], together.noise[k])
+        np.testing.assert_array_equal(alone.tiles[0][0], together.tiles[0][k])
+        unmeasured = bounced_light(view, [sent[k : k + 1]], [grey[0] * gain[k]], alone.bounces, measured=False)
+        np.testing.assert_array_equal(alone.tiles[0], unmeasured.tiles[0])
+
+
 def test_two_plates_exchange_what_their_form_factor_says():
     """Equal squares a side apart: F = 0.1998 [Howell]; the lit one sends, the dark one receives and nothing else."""
     mesh = plates()

@@ -7,7 +7,9 @@ import pytest
 
 from skinbake.diffuse.terms.bounced_light import bounced_light
 from skinbake.diffuse.terms.skin_view import look_around
+from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.relight import open_sky as open_sky_module
 from skinbake.relight.open_sky import open_sky
 from skinbake.relight.seen_skin import RAYS, seen_skin
 from skinbake.scene.maps import SkinMaps
@@ -35,7 +37,8 @@ def corner():
         "output": {"dir": "out"},
     }
     looks = {shadows: SceneSpec.model_validate({**look, "shadows": shadows}) for shadows in (True, False)}
-    return scene, {shadows: open_sky(look, scene, (SIZE[0] // 2, SIZE[1] // 2)) for shadows, look in looks.items()}
+    found = {shadows: open_sky(look, scene, (SIZE[0] // 2, SIZE[1] // 2)) for shadows, look in looks.items()}
+    return scene, {**found, "look": looks[True]}
 
 
 def lit(scene, view):
@@ -67,3 +70,21 @@ def test_only_what_is_not_open_is_traced_on(corner, monkeypatch):
     assert asked[1] == RAYS * len(found[False].normal[1001])
     assert len(few.seen) <= asked[0] < 0.5 * asked[1]
     np.testing.assert_allclose(lit(scene, few), lit(scene, every), rtol=1e-5, atol=1e-6)
+
+
+def test_texels_between_others_ask_what_these_do_not_agree_on(corner, monkeypatch):
+    """Half of the rays and fewer are traced; a shadow's edge moves for few."""
+    scene, found = corner
+    asked, unhindered = [], Occluder.unhindered
+    monkeypatch.setattr(
+        Occluder, "unhindered", lambda self, *rays: asked.append(len(rays[0])) or unhindered(self, *rays)
+    )
+    shares, rays = [], []
+    for apart in (1, open_sky_module.COARSEST):
+        monkeypatch.setattr(open_sky_module, "COARSEST", apart)
+        asked.clear()
+        shares.append(open_sky(found["look"], scene, (SIZE[0] // 2, SIZE[1] // 2)).share[1001])
+        rays.append(sum(asked))
+    assert 0 < rays[1] < 0.6 * rays[0]
+    assert (shares[0] == 0).any()
+    assert np.abs(shares[1].astype(int) - shares[0]).mean() < 0.002 * 255

@@ -65,3 +65,17 @@ def test_light_through_thin_parts_goes_by_the_larger_tolerance(baked, of_look, o
     made = baked("terms.transmission=auto", "diffusion.method=auto", *changes)
     (line,) = [line for line in made.plan if line.term == "relight.transmission"]
     assert f"worth it from {said}" in line.why
+
+
+@pytest.mark.parametrize(("basis", "textures"), [("fitted", 6), ("harmonics", 4)])
+def test_as_many_textures_as_asked_for(baked, basis, textures):
+    """Though fewer keep the tolerance, which one or four do; harmonics go by whole orders."""
+    changes = f"relight.basis={basis}", "relight.textures=6", "relight.tolerance=0.9"
+    assert _textures(baked(*changes)) <= 4
+    assert _textures(baked(*changes, "relight.fewer=false")) == textures
+
+
+def _textures(made):
+    """How many textures a bake has, by the plan's line on the basis."""
+    (line,) = [line for line in made.plan if line.term in ("relight.fitted", "relight.harmonics")]
+    return int(re.search(r"(\d+) (fitted|harmonics)", line.why)[1])
