@@ -20,6 +20,7 @@ from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.irradiance.light_texels import light_texels
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.kernels.threads import on_threads
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.incidence import Incidence
@@ -36,6 +37,7 @@ from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
 AT_ONCE = 32  # lights in memory
+BINS = 4096  # of values, of which one is put in order
 LIT_WITHIN = 0.0025  # tolerance of their irradiance, between texels whose shadows are traced
 
 
@@ -141,13 +143,8 @@ def judge_bases(
         exact = baked_lights(bake, [*some, *twice.values()])
         second = {k: len(some) + place for place, k in enumerate(twice)}
         for (basis, textures), errors in zip(bases, found, strict=True):
-            for k, each in enumerate(some):
-                amount = basis.of_harmonics @ each.harmonics(basis.order)
-                of_tiles = {
-                    tile: (summed(textures[tile], basis, amount), images[k], images[second.get(k, k)])
-                    for tile, images in exact.items()
-                }
-                errors.setdefault(each.kind, []).append(_error(each, of_tiles, bake.atlas, bake.scene.mesh))
+            for each, error in zip(some, _errors(bake, basis, textures, some, exact, second), strict=True):
+                errors.setdefault(each.kind, []).append(error)
     return [{kind: _of_kind(errors) for kind, errors in each.items()} for each in found]
 
 
@@ -160,6 +157,40 @@ class _LightError(NamedTuple):
     area_mm2: Float
     clamped: float
     at: dict[str, object]
+
+
+def _errors(
+    bake: DirectBake,
+    basis: LightBasis,
+    textures: Tiles,
+    lights: Sequence[UnseenLight],
+    exact: Tiles,
+    second: dict[int, int],
+) -> list[_LightError]:
+    """Error of each light.
+
+    Parameters
+    ----------
+    bake, basis, textures
+        As of `judge_basis`.
+    lights : sequence of UnseenLight
+    exact : dict of int to ndarray of shape (L or more, H, W, 3)
+        By tile: M of these lights, and after them of those that are baked twice.
+    second : dict of int to int
+        By the number of a light, where in `exact` it is the second time.
+    """
+    found: dict[int, _LightError] = {}
+
+    def judge(k: int) -> None:
+        amount = basis.of_harmonics @ lights[k].harmonics(basis.order)
+        of_tiles = {
+            tile: (summed(textures[tile], basis, amount), images[k], images[second.get(k, k)])
+            for tile, images in exact.items()
+        }
+        found[k] = _error(lights[k], of_tiles, bake.atlas, bake.scene.mesh)
+
+    on_threads(judge, len(lights))
+    return [found[k] for k in range(len(lights))]
 
 
 def _error(
@@ -212,17 +243,28 @@ def _of_kind(errors: list[_LightError]) -> KindError:
     worst = max(errors, key=lambda each: each.rms)
     texels = np.concatenate([each.texels for each in errors])
     weight = np.concatenate([each.area_mm2 for each in errors])
-    order = np.argsort(texels, kind="stable")
-    reached = np.searchsorted(np.cumsum(weight[order]), 0.95 * weight.sum())
     told: dict[str, object] = {"name": worst.light.light.name}
     if worst.light.radiance is None:
         told["direction"] = [round(float(v), 5) for v in worst.light.light.direction]  # type: ignore[union-attr]
     return KindError(
         len(errors),
         float(np.sqrt(np.mean([each.rms**2 for each in errors]))),
-        float(texels[order[min(reached, len(order) - 1)]]),
+        _quantile(texels, weight, 0.95),
         worst.rms,
         told,
         worst.at,
         float(np.mean([each.clamped for each in errors])),
     )
+
+
+def _quantile(values: Float, weight: Float, share: float) -> float:
+    """The least of the values, not below 0, that a share of the weight does not exceed: sorts one bin of them."""
+    place = (values * ((BINS - 1) / max(float(values.max()), 1e-30))).astype(np.int32)
+    reached = np.cumsum(np.bincount(place, weight, BINS))
+    wanted = share * reached[-1]
+    number = int(np.searchsorted(reached, wanted))
+    there = np.flatnonzero(place == number)
+    there = there[np.argsort(values[there], kind="stable")]
+    before = reached[number - 1] if number else 0.0
+    at = int(np.searchsorted(before + np.cumsum(weight[there]), wanted))
+    return float(values[there[min(at, len(there) - 1)]])
