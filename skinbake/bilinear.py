@@ -102,7 +102,7 @@ def add_magnified(image: NDArray[np.float32], weight: NDArray[np.float32], out: 
 
 
 def _between(size: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Of `size` texel centres: the lower of the two of `count` texels that each lies between, and the other's share."""
+    """The lower of the two of `count` texels between which each of `size` texel centres lies, and the other's share."""
     if size == count:
         return np.arange(size), np.zeros(size, np.float32)
     place = np.clip((np.arange(size) + 0.5) * (count / size) - 0.5, 0, count - 1)
