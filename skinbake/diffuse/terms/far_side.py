@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -108,6 +109,26 @@ def _turned(inward: Image, ways: Float) -> Image:
     two = np.stack([b, sign + y * y * a, -y], axis=1)
     frame = np.stack([one, two, inward], axis=1)
     return np.ascontiguousarray(np.einsum("wk,nki->nwi", ways, frame).reshape(-1, 3), np.float32)
+
+
+def factors_of_lights(
+    weights: SlabWeights, far: FarSide, lights: Sequence[tuple[LightSpec | None, bool]], centre_mm: Float
+) -> list[Image]:
+    """`slant_factors` of each light, (n, 3); lights from everywhere share theirs.
+
+    Parameters
+    ----------
+    weights, far, centre_mm
+        As of `slant_factors`.
+    lights : sequence of (LightSpec or None, bool)
+        Its `light` and `counted`.
+    """
+    found: dict[tuple[int, bool], Image] = {}
+    kinds = [(0 if light is None or light.everywhere else id(light), counted) for light, counted in lights]
+    for kind, light in zip(kinds, lights, strict=True):
+        if kind not in found:
+            found[kind] = slant_factors(weights, far, *light, centre_mm)
+    return [found[kind] for kind in kinds]
 
 
 def slant_factors(

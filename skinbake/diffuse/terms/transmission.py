@@ -10,6 +10,7 @@ reaches was 0.76 / 0.69 / 0.83 of what walks find on the sample head at an index
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -26,13 +27,13 @@ from skinbake.atlas import (
 from skinbake.atlas.sample import texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
-from skinbake.diffuse.terms.far_side import FarSide, slant_factors
+from skinbake.diffuse.terms.far_side import FarSide, factors_of_lights
 from skinbake.diffuse.terms.flesh_rays import gathered, through_along
 from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
 from skinbake.diffuse.terms.thin_worth import SEEN_SHARE, contribution
 from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
-from skinbake.kernels.threads import parallel_for
+from skinbake.kernels.threads import on_threads, parallel_for
 from skinbake.numerics import Float
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium
@@ -154,7 +155,7 @@ def transmitted_lobe(
     of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
     rgb = {}
     for raster, rows, cols, far in thin.tiles:
-        factor = np.stack([slant_factors(thin.weights, far, *light, thin.centre_mm) for light in of_names])
+        factor = factors_of_lights(thin.weights, far, of_names, thin.centre_mm)
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
         image[:, rows, cols] = gathered(_across(diffused, mesh, udim, thin, far, factor, rest, times))
         rgb[raster.tile] = image
@@ -208,7 +209,7 @@ def _across(
     udim: bool,
     thin: ThinParts,
     far: FarSide,
-    factor: Image,
+    factor: list[Image],
     rest: Callable[[], None],
     times: Float | None,
 ) -> Image:
@@ -224,7 +225,7 @@ def _across(
     udim : bool
     thin : ThinParts
     far : FarSide
-    factor : ndarray of shape (L, n, 3), float32
+    factor : list of L ndarrays of shape (n, 3), float32
         On what rays bring, by light.
     rest, times
         As in `transmit`.
@@ -248,15 +249,13 @@ class _OfLobe(NamedTuple):
     Attributes
     ----------
     weight : ndarray of shape (n, 3), float32
-    less : list of L ndarrays of shape (n, 3), float32; one of them in kernels
-        What is taken off the weight, by light.
-    factor : ndarray of shape (L, n, 3), float32
-        On the weights, by light.
+    less, factor : lists of L ndarrays of shape (n, 3), float32; one of them in kernels
+        What is taken off the weight, and what is on it before, by light.
     """
 
     weight: Image
     less: list[Image] | Image
-    factor: Image
+    factor: list[Image] | Image
 
 
 def _gather(
@@ -296,13 +295,16 @@ def _gather(
             stored = lobe.rgb[tile]
             around = _Around(np.empty((len(pick), 4), np.int64), np.empty((len(pick), 2)))
             parallel_for(_look_around, len(pick), local, stored.shape[1], stored.shape[2], around)
-            for light, image in enumerate(stored):
-                # Few texels of many, which may be halves
-                texels = image.reshape(-1, 3)[around.flat].astype(np.float32)
-                mine = of._replace(less=of.less[light], factor=of.factor[light])
-                parallel_for(_add_bilinear, len(pick), texels, around.share, pick, mine, out[light])
+            on_threads(partial(_add_light, stored, around, pick, of, out), len(stored))
         rest()
     return out
+
+
+def _add_light(stored: Image, around: _Around, pick: Index, of: _OfLobe, out: Image, light: int) -> None:
+    """Add what one light of a lobe, (L, h, w, 3), has at the places of a tile."""
+    texels = stored[light].reshape(-1, 3)[around.flat].astype(np.float32)  # few of many, which may be halves
+    mine = of._replace(less=of.less[light], factor=of.factor[light])
+    parallel_for(_add_bilinear, len(pick), texels, around.share, pick, mine, out[light])
 
 
 class _Around(NamedTuple):
@@ -383,10 +385,11 @@ def _reflected(
     rows, cols = (step * index for index in np.nonzero(raster.covered[::step, ::step]))
     uv = interpolate(raster, mesh.corner_uv)[rows, cols].astype(np.float64)
     weight = gaussians.weight_rgb.astype(np.float32)
-    none, factor = np.zeros((len(rows), 3), np.float32), np.ones((len(diffused.lights), len(rows), 3), np.float32)
+    none, ones = np.zeros((len(rows), 3), np.float32), np.ones((len(rows), 3), np.float32)
+    lights = len(diffused.lights)
 
     def of_lobe(number: int) -> _OfLobe:
-        return _OfLobe(np.repeat(weight[None, number], len(rows), axis=0), [none] * len(factor), factor)
+        return _OfLobe(np.repeat(weight[None, number], len(rows), axis=0), [none] * lights, [ones] * lights)
 
     light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, of_lobe, rest)
     return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
