@@ -58,10 +58,12 @@ def command(
         print(f"{folder / 'truth.json'}, truth.png", file=sys.stderr)
 
 
+FEW = 20  # points of a group that say little
 _LEGEND = """\
-Shares of each group's light. <3.5: lost in the noise of the walks, which is 3.5; more --walks say more. bias: by how
-much the bake is brighter. edges: within 3 mm of an edge of light, cast edges: of a cast shadow, thin: flesh below 8 mm,
-creases: where skin sees much skin."""
+Shares of each group's light. <3.5: lost in the noise of the walks, which is 3.5; more --walks say
+more. bias: by how much the bake is brighter. edges: within 3 mm of an edge of light, cast edges: of
+a cast shadow, thin: flesh below 8 mm, creases: where skin sees much skin. few: less than 20 points
+say little of such skin."""
 
 
 def _print(error: dict[str, Any], split: dict[str, Any]) -> None:
@@ -77,21 +79,24 @@ def _print(error: dict[str, Any], split: dict[str, Any]) -> None:
         pairs = zip(found["rms_rgb"], found["stderr_rgb"], strict=True)
         return " ".join(f"<{100 * noise:.1f}" if rms < noise else f"{100 * rms:.1f}" for rms, noise in pairs)
 
-    console = Console(soft_wrap=True, width=160)  # five terms, each with its standard error
+    console = Console(soft_wrap=True, width=99)
     table = Table(title="the model's error: distance from light transport, rms % (R, G, B)")
     for column in ("skin", "points", "rms", "stderr", "bias"):
         table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)
     for name, found in error.items():
         figures = (off(found), row(found["stderr_rgb"]), row(found["bias_rgb"]))
-        table.add_row(name, str(found["points"]), *figures)
+        few = found["points"] < FEW
+        table.add_row(name, f"{'few: ' if few else ''}{found['points']}", *figures)
     console.print(table)
     console.print(_LEGEND, highlight=False)
     if not split:
         return
-    table = Table(title="what each term takes off it (standard error), and the rest, rms % (R, G, B)")
-    for column in ("skin", *split, "rest"):
-        table.add_column(column, justify="left" if column == "skin" else "right", no_wrap=True)
+    table = Table(title="what each term takes off it, rms % (R, G, B)")
+    for column in ("skin", "term", "takes off", "stderr"):
+        table.add_column(column, justify="left" if column in ("skin", "term") else "right", no_wrap=True)
     for name, found in error.items():
-        shares = [f"{row(of[name]['rms_rgb'])} ({100 * max(of[name]['stderr_rgb']):.1f})" for of in split.values()]
-        table.add_row(name, *shares, off(found))
+        for place, (term, of) in enumerate(split.items()):
+            share = of[name]
+            table.add_row("" if place else name, term, row(share["rms_rgb"]), row(share["stderr_rgb"]))
+        table.add_row("", "the rest", off(found), row(found["stderr_rgb"]), end_section=True)
     console.print(table)

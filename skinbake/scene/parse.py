@@ -42,6 +42,8 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str], context: Mapp
                 f["loc"][: len(fault["loc"])] == fault["loc"] and f != fault for f in found
             ):
                 continue  # short only because its faulty items were left out
+            if fault["type"] == "missing" and any(_meant(kind, f) == fault["loc"] for f in found):
+                continue  # it is there, misspelt
             key = _key(mapping, fault["loc"], fault["type"])
             if fault["type"].startswith("union_tag"):
                 key = (*key, fault["ctx"]["discriminator"].strip("'"))
@@ -158,6 +160,15 @@ def _suggest(word: str, options: list[str]) -> str:
     """The ending "; did you mean ...?" for a misspelt word, or nothing."""
     close = difflib.get_close_matches(word, options, n=1)
     return f"; did you mean {close[0]}?" if close else ""
+
+
+def _meant(kind: Any, fault: Any) -> tuple[str | int, ...] | None:
+    """Location of the key that a misspelt one is taken for."""
+    *above, word = fault["loc"]
+    if fault["type"] != "extra_forbidden" or word in _known_keys():
+        return None
+    close = difflib.get_close_matches(str(word), _keys_at(kind, tuple(above)), n=1)
+    return (*above, close[0]) if close else None
 
 
 def _unknown(word: str, allowed: list[str]) -> str:

@@ -8,6 +8,7 @@ import pytest
 from skinbake import open_bake
 from skinbake.bilinear import read_bilinear
 from skinbake.cli import run
+from skinbake.cli.truth import _print
 from skinbake.io.exr import Part, write_parts
 from skinbake.io.mesh import write_obj
 from skinbake.io.truth import WALKS, read_walks, write_walks
@@ -196,3 +197,19 @@ def test_a_bake_without_probes_has_the_model_s_error_alone(look, capsys):
     said = capsys.readouterr().out
     assert "model    rms" in said
     assert "blur     rms" not in said
+
+
+def test_tables_fit_a_terminal_and_say_where_few_points_are(capsys):
+    """At most 100 letters with all terms and long figures; a group of 12 points is flagged, one of 40 is not."""
+    wide = [-0.123, 0.234, 1.234]
+    group = {"rms_rgb": wide, "stderr_rgb": [0.011, 0.1, 0.2], "bias_rgb": wide, "noise_rgb": wide}
+    error = {"all": group | {"points": 1000}, "cast edges": group | {"points": 12}, "thin": group | {"points": 40}}
+    share = {name: {"rms_rgb": wide, "stderr_rgb": wide} for name in error}
+    terms = ("incidence", "beam", "curvature", "interreflection", "transmission", "diffuse_profile")
+    _print(error, dict.fromkeys(terms, share))
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    (flagged,) = (line for line in lines if "few: 12" in line)
+    assert "cast edges" in flagged
+    assert not any("few: 40" in line for line in lines)
+    assert all(sum(term in line for line in lines) == len(error) for term in terms)

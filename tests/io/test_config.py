@@ -130,6 +130,15 @@ def test_no_export_of_lights_that_all_come_later(look):
     assert told[0].endswith("expected no export of a look whose lights all come later, got output.export")
 
 
+def test_a_misspelt_key_of_a_light_is_not_missed_as_well(look):
+    """One line, which says what was meant; a key that nothing resembles is missed."""
+    text = LOOK.replace("irradiance", "irradience")
+    assert [fault.split(": ", 2)[2] for fault in faults(look(text))] == ["unknown key; did you mean irradiance?"]
+    both = [fault.split(": ", 2)[2] for fault in faults(look(text.replace("irradience", "foo")))]
+    assert both[0] == "missing; expected a value"
+    assert both[1].startswith("unknown key; expected one of ")
+
+
 def test_overrides_are_named_in_their_faults(look):
     """A fault that came from the command line does not blame the file."""
     assert faults(look(), "texture.size=0")[0].startswith("--set texture.size: texture.size")

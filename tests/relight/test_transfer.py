@@ -12,7 +12,7 @@ from skinbake.diffuse.terms.thin_parts import FEW_MM, TEXEL_MM
 from skinbake.errors import MachineError
 from skinbake.relight import scattering, transfer
 
-LEFT = (("interreflection", r"may be left out ([\d.]+)%"), ("transmission", r"\(rms ([\d.]+)%\)$"))
+LEFT = (("interreflection", r"worth it from ([\d.]+)%"), ("transmission", r"\(rms ([\d.]+)%\)$"))
 
 
 def test_textures_have_the_look_s_proportions(baked):

@@ -157,4 +157,4 @@ def _decide_beam(name: str, moved: float, switch: str, limit: float) -> Decision
     """
     why = f"{switch}: light that enters at a slant scatters further along: {moved:.2%} of it (rms) is elsewhere"
     kept = switch == "on" or moved > limit
-    return Decision(f"{name}.beam", kept, f"{why}, may be left out {limit:.2%}", 0.0 if kept else moved)
+    return Decision(f"{name}.beam", kept, f"{why}, worth it from {limit:.2%}", 0.0 if kept else moved)

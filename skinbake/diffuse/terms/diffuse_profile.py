@@ -170,7 +170,7 @@ class DiffuseProfile:
             rms = MORE_IN_ALL * float(np.sqrt(moved / whole)) if whole > 0 else 0.0
             why = f"{switch}: the profile of light from skies and skin moves about {rms:.2%} of the light (rms)"
             kept = rms > 0 and (switch == "on" or rms > limit)
-            lines.append(Decision(f"{name}.{TERM}", kept, f"{why}, may be left out {limit:.2%}", 0.0 if kept else rms))
+            lines.append(Decision(f"{name}.{TERM}", kept, f"{why}, worth it from {limit:.2%}", 0.0 if kept else rms))
         return lines
 
     def _kernel(self, shape: tuple[int, int]) -> Image:

@@ -196,7 +196,7 @@ def decide_interreflection(
     found, shares = [], []
     for name, lit, got_light, square, limit in zip(names, arrived, bounced, apart, limits, strict=True):
         rms, noise = (float(np.sqrt(max(each, 0) / lit)) if lit > 0 else 0.0 for each in (got_light, square))
-        why = f"{switch}: skin lights skin with {rms:.2%} of its light (rms), may be left out {limit:.2%}"
+        why = f"{switch}: skin lights skin with {rms:.2%} of its light (rms), worth it from {limit:.2%}"
         kept = switch == "on" or rms > limit
         found.append(Decision(f"{name}.interreflection", kept, why, 0.0 if kept else rms))
         shares.append(Bounced(rms, noise))
