@@ -26,7 +26,9 @@ def benches() -> list[str]:
 
 def table_of(name: str, rows: list[dict]) -> Table:
     """Ratios in the first columns, then what they were made of."""
-    keys = list(dict.fromkeys(key for row in rows for key in row if key != "name"))
+    keys = list(
+        dict.fromkeys(key for row in rows for key, of in row.items() if key != "name" and not isinstance(of, dict))
+    )
     keys.sort(key=lambda key: "over" not in key)
     table = Table(title=name, title_justify="left")
     table.add_column("")
