@@ -88,10 +88,11 @@ def add_bounces(
     seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
     bounces, at_once = {}, lights_at_once(view, atlas[0].shape)
     for some in (kept[k : k + at_once] for k in range(0, len(kept), at_once)):
-        sent = [rgb[some] * colour for rgb, colour in zip(light.values(), reflected, strict=True)]
+        side_by_side = slice(some[0], some[-1] + 1) if some[-1] - some[0] == len(some) - 1 else some
+        sent = [rgb[side_by_side] for rgb in light.values()]
         most, enough = zip(*(terms.bounces_for(limits[i], bounced[i].rms) for i in some), strict=True)
         counts = np.stack([gain[names[i]] for i in some])
-        found = bounced_light(view, sent, seen, most, enough, counts)
+        found = bounced_light(view, sent, seen, most, enough, counts, colour=reflected)
         for k, i in enumerate(some):
             bounces[names[i]] = times = int(found.bounces[k])
             lines[i] = replace(

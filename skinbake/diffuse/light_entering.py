@@ -190,19 +190,21 @@ def light_entering(
             normal = shading_normals(raster, scene.mesh, scene.maps, aside.zeros)[1]
         out = aside.zeros((len(names) if decisions.separate_lights else 1, *raster.shape, 3), np.float32)
         moved = aside.zeros(out.shape, np.float32) if shifted else None
-        image = np.empty((*raster.shape, 3), np.float32)
+        image = None if decisions.separate_lights else np.empty((*raster.shape, 3), np.float32)
         for i, name in enumerate(names):
-            arrive(raster, normal, tile, name, image)
-            # Blurring is linear: what is stored summed is blurred summed
-            out[places[i]] += image
+            arrived = out[i] if image is None else image
+            arrive(raster, normal, tile, name, arrived)
+            if image is not None:  # blurring is linear: what is stored summed is blurred summed
+                out[0] += image
             if shape and not _named(spec, name).everywhere:
-                shape.add_lamp(raster.tile, places[i], image)
+                shape.add_lamp(raster.tile, places[i], arrived)
             if moved is not None and name in shifted:
-                image *= albedo[k] if exponent == 1 else albedo[k] ** exponent
-                upstream = shifts[k].read(_named(spec, name), image)
-                upstream -= image
+                coloured = arrived * (albedo[k] if exponent == 1 else albedo[k] ** exponent)
+                upstream = shifts[k].read(_named(spec, name), coloured)
+                upstream -= coloured
                 moved[places[i]] += upstream
-                del upstream
+                del upstream, coloured
+            del arrived
         light[raster.tile] = out
         if moved is not None:
             further[raster.tile] = moved

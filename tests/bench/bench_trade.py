@@ -4,8 +4,8 @@ Each bake has a process of its own. Its light is compared, at the same points, w
 fiftieth of the tolerance: the same Gaussians, every light's directions, terms and bounces, as floats, at the size that
 was asked for. The exact integral (`skinbake tradeoff`) is dearer by a factor of three to six, and such a bake is nearer
 to it than half of what the tightest row leaves: the sample head at 256^2 and 512^2, `NEAR_EXACT_RMS`. What a fit of so
-many Gaussians leaves is no matter of the knob, and in no row. Beside it stands what scikit-image takes, in the same run,
-for the blurs of six Gaussians alone, of one texture.
+many Gaussians leaves is no matter of the knob, and in no row. Beside it stands what scikit-image takes, in the same
+run, for the blurs of six Gaussians alone, of one texture.
 """
 
 from __future__ import annotations

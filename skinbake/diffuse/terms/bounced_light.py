@@ -54,6 +54,7 @@ def bounced_light(
     negligible: float | Sequence[float] = 0.0,
     gain_rgb: Image | None = None,
     measured: bool = True,
+    colour: Sequence[Image] | None = None,
 ) -> BouncedLight:
     """Irradiance that skin gets from skin, bounce after bounce until the rest is negligible.
 
@@ -74,6 +75,8 @@ def bounced_light(
         What of each light's bounced irradiance counts, in front of `reflected`.
     measured : bool
         False: as many bounces as asked for; nobody wants to know what is left, nor the noise.
+    colour : sequence of ndarray of shape (H, W, 3) or (1, 1, 3), optional
+        What `sent` is to be multiplied by, of its size: only where rays meet it, which saves a copy of all lights.
 
     Raises
     ------
@@ -88,7 +91,7 @@ def bounced_light(
     area = np.concatenate([r.area_mm2.reshape(-1)[view.flat_index[view.tile == k]] for k, r in enumerate(view.atlas)])
     ones = np.ones_like(area)
     rays = _Rays(view.rays, view.first, view.half, view.seen)
-    values = _read(view, sent, _row(lights))
+    values = _read(view, sent, colour or [np.ones((1, 1, 3), np.float32)] * len(sent), _row(lights))
     out = np.zeros((len(view.tile), values.shape[1]), np.float32)
     done, going = np.zeros(lights, np.int64), np.ones(lights, np.bool_)
     first, left, noise = np.zeros(lights), np.ones(lights), np.zeros(lights)
@@ -146,36 +149,40 @@ def _row(lights: int) -> int:
     return 3 * lights if 3 * lights < LANES else -(-3 * lights // LANES) * LANES
 
 
-def _read(view: SkinView, images: Sequence[Image], width: int) -> Image:
-    """Values at the texels that are met, (m, width), of images (L, h, w, 3) of any size, a tile each.
+def _read(view: SkinView, images: Sequence[Image], colour: Sequence[Image], width: int) -> Image:
+    """Values at the texels that are met, (m, width), of images (L, h, w, 3) of any size times their colour.
 
     The lights stand side by side, 3 L values, and after them zeros.
     """
     out = np.zeros((sum(map(len, view.met)), width), np.float32)
     start = 0
-    for image, (rows, cols) in zip(images, view.met_in([each.shape[1:3] for each in images]), strict=True):
+    met = view.met_in([each.shape[1:3] for each in images])
+    for image, by, (rows, cols) in zip(images, colour, met, strict=True):
         part = out[start : start + len(rows)]
-        parallel_for(_read_texels, len(rows), np.asarray(image, np.float32), rows, cols, part)
+        parallel_for(_read_texels, len(rows), np.asarray(image, np.float32), np.float32(by), rows, cols, part)
         start += len(rows)
     return out
 
 
 @kernel
-def _read_texels(start, stop, image, rows, cols, out):  # type: ignore[no-untyped-def]
-    """Write what lights have at texels, side by side.
+def _read_texels(start, stop, image, colour, rows, cols, out):  # type: ignore[no-untyped-def]
+    """Write what lights have at texels, side by side, times a colour.
 
     Parameters
     ----------
     start, stop : int
         Texels.
     image : ndarray of shape (L, h, w, 3)
+    colour : ndarray of shape (h, w, 3) or (1, 1, 3)
     rows, cols : ndarrays of shape (m,)
     out : ndarray of shape (m, 3 L or more), written
     """
+    varies = colour.shape[0] > 1
     for k in range(start, stop):
+        row, col = (rows[k], cols[k]) if varies else (0, 0)
         for light in range(image.shape[0]):
             for c in range(3):
-                out[k, 3 * light + c] = image[light, rows[k], cols[k], c]
+                out[k, 3 * light + c] = image[light, rows[k], cols[k], c] * colour[row, col, c]
 
 
 def _reflected_again(view: SkinView, reflected: Sequence[Image], gain_rgb: Image | None) -> Image:
