@@ -92,6 +92,9 @@ def test_round_skin_holds_more_of_the_light_that_arrives():
     np.testing.assert_array_equal(held[-1], 1)
     white, _ = curve_skin(mesh, size, profile("white"), MEDIUM, "on", 0.0)
     assert white.held(mesh, False, face, mesh.corner_uv[face].mean(axis=1)) is None
+    layers = SkinMedium((Layer(SKIN, 1.0, 1.4), Layer(SKIN, np.inf, 1.4)))
+    several, _ = curve_skin(mesh, size, profile(), layers, "on", 0.0)
+    assert several.held(mesh, False, face, mesh.corner_uv[face].mean(axis=1)) is None
 
 
 def test_a_white_profile_looks_in_even_light_as_its_albedo():

@@ -54,6 +54,8 @@ class CurvedSkin:
         Of the lobes; the latter says how they share the gain less 1.
     layer : Layer
         The medium that all this is of.
+    stands_in : bool
+        For several layers or wavelengths, whose profile it has.
     """
 
     curvature_per_mm: Tiles
@@ -61,6 +63,7 @@ class CurvedSkin:
     weight: Float
     share: Float
     layer: Layer
+    stands_in: bool = False
 
     @property
     def spreads_beams_alone(self) -> bool:
@@ -72,10 +75,12 @@ class CurvedSkin:
         return through_curved(self.layer.medium, self.layer.eta, _decay(self.layer.medium), thickness_mm)
 
     def held(self, mesh: SkinMesh, udim: bool, face: NDArray[np.int64], uv: Float) -> Image | None:
-        """Light inside at places of the skin over that below a plane, (n, 3); None: a white profile has it.
+        """Light inside at places of the skin over that below a plane, (n, 3); None: as below one.
 
         That is the gain of mean curvature alone, as what comes through the flesh is counted where it leaves. Its square
-        root: against walks through two heads the gain itself was too much, none too little.
+        root: against walks through two heads the gain itself was too much, none too little. A white profile has its
+        form in it, and a medium that stands for layers knows not what these let through: of three layers red was 15 %
+        too bright in thin parts by it, 13 % without.
 
         Parameters
         ----------
@@ -85,7 +90,7 @@ class CurvedSkin:
             -1: none there.
         uv : ndarray of shape (n, 2)
         """
-        if self.spreads_beams_alone:
+        if self.spreads_beams_alone or self.stands_in:
             return None
         of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
         found = np.ones((len(face), 3), np.float32)
@@ -203,7 +208,7 @@ def curve_skin(
     curvature, even = ({r.tile: interpolate(r, of[mesh.faces]) for r in atlas} for of in (bend, gain))
     # A white profile is what skin sends back of light from everywhere, its own form included, as albedo maps are
     share = np.zeros_like(gaussians.weight_rgb) if white else curved_share(gaussians, layer.medium, layer.eta)
-    return CurvedSkin(curvature, even, gaussians.weight_rgb, share, layer), line
+    return CurvedSkin(curvature, even, gaussians.weight_rgb, share, layer, layer is not medium.layers[0]), line
 
 
 def _decay(medium: Medium) -> Float:
