@@ -76,7 +76,7 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
     if spec.relight is not None and not spec.relight.reuse:
         width, height = transfer_size(spec)
         textures = spec.relight.textures * width * height * work.tiles / 2**20
-        cpu["relight"] = 55 + 1.1 * textures  # 5 to 12 to trace, the rest to bake lights that judge it
+        cpu["relight"] = 25 + 1.6 * textures  # of 25: 47 on the sample head, 94 where light comes through ears
     if not spec.lights:
         cpu = {name: seconds for name, seconds in cpu.items() if name in ("read", "profile", "relight")}
     return {name: share_of_wall(2) * seconds for name, seconds in cpu.items()}

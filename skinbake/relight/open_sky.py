@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, Tiles, coarser_atlas, signed_uv_area
+from skinbake.atlas import Atlas, AtlasRaster, Tiles, coarser_atlas, signed_uv_area
+from skinbake.irradiance.environment import lattice
 from skinbake.irradiance.environment_share import aim
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
@@ -25,9 +26,6 @@ TEXEL_MM = 2.0  # of the small atlas, on average; penumbras of what 25 textures 
 SMALLEST = 64  # texels of its shorter side
 WHOLE = 255  # a share of 1
 SEEN_ORDER = 2  # of harmonics by which the oil knows what is open
-COARSEST = (
-    2  # texels apart that trace every ray; those between trace what the four around them do not agree on: .06 % off
-)
 RAYS = 1 << 16  # that a thread has in memory at a time
 
 
@@ -100,18 +98,18 @@ def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], direction
         origin, normal = surface.origins(texels), surface.smooth_normal.reshape(-1, 3)[texels]
         occluder = scene.occluder if spec.shadows else None
         rows[raster.tile], origins[raster.tile], normals[raster.tile] = row, origin, normal
-        shares[raster.tile] = _shares(raster.addressed, surface.smooth_normal, origin, towards, occluder)
+        shares[raster.tile] = _shares(raster, surface.smooth_normal, origin, towards, occluder)
     return OpenSky(atlas, towards, origins, normals, rows, shares, spec.shadows)
 
 
 def _shares(
-    addressed: NDArray[np.bool_], smooth_normal: Image, origin: Image, towards: Image, occluder: Occluder | None
+    raster: AtlasRaster, smooth_normal: Image, origin: Image, towards: Image, occluder: Occluder | None
 ) -> NDArray[np.uint8]:
     """Shares of a tile's n texels by direction, (n, D): of those between others only what these do not agree on.
 
     Parameters
     ----------
-    addressed : ndarray of shape (h, w)
+    raster : AtlasRaster
     smooth_normal : ndarray of shape (h, w, 3)
     origin : ndarray of shape (n, 3)
         Of the addressed texels.
@@ -119,11 +117,11 @@ def _shares(
     occluder : Occluder, optional
         None: nothing is in the way.
     """
-    texels = np.flatnonzero(addressed)
-    row, col = np.divmod(texels, addressed.shape[1])
+    texels, coarsest = np.flatnonzero(raster.addressed), lattice(raster)
+    row, col = np.divmod(texels, raster.shape[1])
     normal = smooth_normal.reshape(-1, 3)[texels]
-    settled = SettledRays(addressed, smooth_normal, COARSEST, len(towards))
-    share, undone, stride = np.empty((len(texels), len(towards)), np.uint8), np.ones(len(texels), np.bool_), COARSEST
+    settled = SettledRays(raster.addressed, smooth_normal, coarsest, len(towards))
+    share, undone, stride = np.empty((len(texels), len(towards)), np.uint8), np.ones(len(texels), np.bool_), coarsest
     while stride:
         these = np.flatnonzero(undone & (row % stride == 0) & (col % stride == 0))
         answers = settled.of(texels[these], stride)

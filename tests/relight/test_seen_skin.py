@@ -80,8 +80,8 @@ def test_texels_between_others_ask_what_these_do_not_agree_on(corner, monkeypatc
         Occluder, "unhindered", lambda self, *rays: asked.append(len(rays[0])) or unhindered(self, *rays)
     )
     shares, rays = [], []
-    for apart in (1, open_sky_module.COARSEST):
-        monkeypatch.setattr(open_sky_module, "COARSEST", apart)
+    for apart in (1, 2):
+        monkeypatch.setattr(open_sky_module, "lattice", lambda raster, apart=apart: apart)
         asked.clear()
         shares.append(open_sky(found["look"], scene, (SIZE[0] // 2, SIZE[1] // 2)).share[1001])
         rays.append(sum(asked))
