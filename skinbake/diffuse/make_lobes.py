@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -78,9 +78,16 @@ def make_lobes(
     needs = [plan.method.needs(memoizer.resources, plan.parameters) for plan in plans]
     order = sorted(range(len(plans)), key=lambda i: [resource not in needs[i] for resource in Resource])
     memoizer.release(set(Resource) - needs[order[0]] - {Resource.TEXELS})
+    exact: dict[int, Float] = {}
+
+    def measure_exactly(of: Iterable[int]) -> None:
+        for i in of if len(probes) else ():
+            exact[i] = memoizer.at_probes(REFERENCE, LobeParameters(plans[i].parameters.variance_mm2), probes)
+
+    # A lobe with a light of its own is measured where it is made: what follows from that light is dear
+    own = {i for i, plan in enumerate(plans) if memoizer.light_of(plan.parameters.variance_mm2)[1] is not None}
     tell("measuring lobes exactly")
-    variances = [plan.parameters.variance_mm2 for plan in plans] if len(probes) else []
-    exact = [memoizer.at_probes(REFERENCE, LobeParameters(variance), probes) for variance in variances]
+    measure_exactly(i for i in range(len(plans)) if i not in own)
     memoizer.resources.rest()
     made: dict[int, T] = {}
     unreduced: dict[int, Float] = {}
@@ -90,6 +97,8 @@ def make_lobes(
         method, parameters = plans[i].method, plans[i].parameters
         tell(f"lobe {i}: {method.name}")
         lobe = memoizer.map(method, parameters)
+        if i in own:
+            measure_exactly([i])
         _check_size(method.name, lobe, memoizer.resources.source, parameters.level)
         if len(probes):
             tell(f"measuring lobe {i}")
@@ -106,11 +115,11 @@ def make_lobes(
     lobes = [made[i] for i in range(len(plans))]
     if not len(probes):
         return MadeLobes(lobes, None, [None] * len(plans))
-    found = [[values[i] for i in range(len(plans))] for values in (read, unreduced)]
+    found = [[values[i] for i in range(len(plans))] for values in (read, unreduced, exact)]
     weight_rgb = weights.at_probes(probes)
-    stored, unreduced_sum, want = (weighted_sum(values, weight_rgb) for values in (*found, exact))
+    stored, unreduced_sum, want = (weighted_sum(values, weight_rgb) for values in found)
     worst = int(np.abs(stored - want).max(axis=1).argmax())
-    by_lobe: list[MeasuredError | None] = [measure_error(*each) for each in zip(*found, exact, strict=True)]
+    by_lobe: list[MeasuredError | None] = [measure_error(*each) for each in zip(*found, strict=True)]
     arrived = light_at_probes(memoizer.resources.source, probes)
     blurs = relative_rms(weighted_sum([arrived] * len(plans), weight_rgb), want)
     return MadeLobes(lobes, measure_error(stored, unreduced_sum, want), by_lobe, worst, blurs)

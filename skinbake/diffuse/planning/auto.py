@@ -22,7 +22,7 @@ from dataclasses import replace
 
 from skinbake.diffuse.draw_probes import PLAN, draw_probes
 from skinbake.diffuse.error import weighted_sum
-from skinbake.diffuse.memoize import Memoizer
+from skinbake.diffuse.memoize import LobeLight, Memoizer
 from skinbake.diffuse.methods import METHODS, REFERENCE, LobeParameters, LobePlan
 from skinbake.diffuse.methods.costs import risk_cost, write_cost
 from skinbake.diffuse.methods.method import Trial
@@ -82,14 +82,16 @@ def plan_auto(
     if also is not None:
         probes = joined_probes(probes, also)
 
-    # What each lobe should be at the probes, and what each candidate makes of it
-    exact = [memoizer.at_probes(REFERENCE, LobeParameters(float(v)), probes) for v in gaussians.variance_mm2]
-    resources.rest()
-    options, seen = list[list[Candidate]](), list[LobeResources]()
-    for variance, want in zip(gaussians.variance_mm2.tolist(), exact, strict=True):
-        of = memoizer.of_lobe(variance)
-        options.append(_candidates(of, variance, probes, want, precision == "half", of in seen))
-        seen.append(of)
+    # What each lobe should be at the probes, and what each candidate makes of it: one lobe after another, as each may
+    # have a light of its own, of which all that it is made of follows
+    exact, options, seen = list[Float](), list[list[Candidate]](), set[LobeLight]()
+    for variance in gaussians.variance_mm2.tolist():
+        exact.append(memoizer.at_probes(REFERENCE, LobeParameters(variance), probes))
+        of, light = memoizer.of_lobe(variance), memoizer.light_of(variance)
+        of.rest()
+        options.append(_candidates(of, variance, probes, exact[-1], precision == "half", light in seen))
+        seen.add(light)
+        del of  # the next lobe's needs room
 
     # Search; try the sums that were chosen; search again, until all that is chosen has been tried
     weight_rgb = weights.at_probes(probes)

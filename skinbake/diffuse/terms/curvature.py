@@ -257,14 +257,54 @@ def _multiply(first, stop, gain, factor, image):  # type: ignore[no-untyped-def]
     """
     h, w = gain.shape[:2]
     lights, height, width = image.shape[:3]
-    last = len(factor) - 1
     for row in range(first, stop):
         for col in range(width):
             around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
             for c in range(3):
-                x = min(max(bilinear(gain, c, around) / MOST_GAIN, 0.0), 1.0) * last
-                i = min(int(x), last - 1)
-                t = x - i
-                times = np.float32(factor[i, c] + t * (factor[i + 1, c] - factor[i, c]))
+                times = _factor_at(factor, c, bilinear(gain, c, around))
                 for light in range(lights):
                     image[light, row, col, c] *= times
+
+
+@kernel(inner=True)
+def _factor_at(factor: Float, c: int, gain: float) -> np.float32:
+    """Factor (n, 3) of a channel at a gain, of gains from 0 to MOST_GAIN in even steps."""
+    last = len(factor) - 1
+    x = min(max(gain / MOST_GAIN, 0.0), 1.0) * last
+    i = min(int(x), last - 1)
+    return np.float32(factor[i, c] + (x - i) * (factor[i + 1, c] - factor[i, c]))
+
+
+def add_by_gain(gain: Image, factor: Float, image: Image, base: Image, out: Image) -> None:
+    """Write base + image times the factor of the gain at each texel.
+
+    Parameters
+    ----------
+    gain, factor
+        As of `multiply_by_gain`.
+    image, base, out : ndarrays of shape (L, H, W, 3), float32
+    """
+    parallel_for(_add, image.shape[1], gain, np.ascontiguousarray(factor), image, base, out)
+
+
+@kernel
+def _add(first, stop, gain, factor, image, base, out):  # type: ignore[no-untyped-def]
+    """`add_by_gain` of some rows.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    gain : ndarray of shape (h, w, 3)
+    factor : ndarray of shape (n, 3)
+    image, base, out : ndarrays of shape (L, H, W, 3)
+    """
+    h, w = gain.shape[:2]
+    lights, height, width = image.shape[:3]
+    for row in range(first, stop):
+        for col in range(width):
+            around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
+            for c in range(3):
+                times = _factor_at(factor, c, bilinear(gain, c, around))
+                for light in range(lights):
+                    out[light, row, col, c] = base[light, row, col, c] + image[light, row, col, c] * times

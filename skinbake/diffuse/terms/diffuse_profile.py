@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, Tiles
-from skinbake.diffuse.terms.curvature import MOST_GAIN, STEPS, CurvedSkin, lobe_factors, multiply_by_gain
+from skinbake.diffuse.terms.curvature import MOST_GAIN, STEPS, CurvedSkin, add_by_gain, lobe_factors
 from skinbake.numerics import Float, Zeros, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_share
@@ -79,11 +79,8 @@ class EverywhereLight(NamedTuple):
         """
         found, factor = {}, self.factor[self.variance_mm2 == variance_mm2][0]
         for tile, rgb in self.rgb.items():
-            out = found[tile] = zeros(rgb.shape, np.float32)
-            out[...] = rgb
-            multiply_by_gain(self.gain[tile], factor, out)
-            out -= rgb
-            out += source[tile]
+            found[tile] = zeros(rgb.shape, np.float32)
+            add_by_gain(self.gain[tile], factor - 1, rgb, source[tile], found[tile])
         return found
 
 
