@@ -158,6 +158,8 @@ def scatter(
     elif line is None:
         through, line = pass_through(thin=thin)
     straight = even_share(diffused, thin, curved) if curved and through is not None and thin is not None else None
+    thin = None  # its rays take more memory than a lobe
+    return_freed()
     lobes = curved.applied(diffused.lobes, straight) if curved else diffused.lobes
     if through is not None and arrived is not None and skin_light is not None:
         through = sent_on(through, lobes, arrived, diffused.lights, skin_light, spec, scene, gaussians, aside.rest)

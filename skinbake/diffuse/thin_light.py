@@ -40,19 +40,20 @@ class SmallLight(NamedTuple):
 
     Attributes
     ----------
-    thin : ThinParts
+    atlas : tuple of AtlasRaster
         Whose texels these are.
     tiles : tuple of ndarray of shape (L, h, w, 3)
         Irradiance times albedo^x, in its order.
     """
 
-    thin: ThinParts
+    atlas: tuple[AtlasRaster, ...]
     tiles: tuple[Image, ...]
 
     @classmethod
     def of(cls, rgb: Mapping[int, Image], thin: ThinParts) -> SmallLight:
         """The same light at fewer texels: what stands at the middle of each; itself, where they are no fewer."""
-        return cls(thin, tuple(_at_middles(rgb[each.raster.tile], each.raster.shape) for each in thin.tiles))
+        atlas = tuple(each.raster for each in thin.tiles)
+        return cls(atlas, tuple(_at_middles(rgb[raster.tile], raster.shape) for raster in atlas))
 
 
 def sent_on(
@@ -85,7 +86,7 @@ def sent_on(
     rest : callable, optional
         Frees the memory of each lobe that was read.
     """
-    atlas = [each.raster for each in entered.thin.tiles]
+    atlas = entered.atlas
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
     weights, before = SkinWeights.of(gaussians, scene.maps), np.float32(spec.texturing.exponent_before)
     sources = [_source_shape(raster, scene.mesh) for raster in atlas]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 STRAIGHT_IN = np.array([[0.0, 0.0, 1.0]])
+RAYS_AT_ONCE = 1 << 18  # of which what they bring of each light is in memory
 FULL_COSINE = 0.3  # what light there is where a lamp grazes has come from around, or from other skin
 
 
@@ -67,6 +68,24 @@ class FarSide(NamedTuple):
     normal: Float
     depth_mm: Float
     held: Image | None = None
+
+
+def in_parts(count: int, far: FarSide) -> Iterator[tuple[slice, FarSide]]:
+    """Some of `count` points at a time, and where the rays of these leave the flesh.
+
+    Parameters
+    ----------
+    count : int
+    far : FarSide
+        Of as many rays from each point.
+    """
+    rays = len(far.face) // max(count, 1)
+    at_once = max(RAYS_AT_ONCE // max(rays, 1), 1)
+    for begin in range(0, count, at_once):
+        end = min(begin + at_once, count)
+        of_rays = slice(begin * rays, end * rays)
+        some: dict[str, Any] = {name: None if of is None else of[of_rays] for name, of in far._asdict().items()}
+        yield slice(begin, end), FarSide(**some)
 
 
 def far_side(occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image, ways: Float = STRAIGHT_IN) -> FarSide:

@@ -27,7 +27,7 @@ from skinbake.atlas import (
 from skinbake.atlas.sample import texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
-from skinbake.diffuse.terms.far_side import FarSide, factors_of_lights
+from skinbake.diffuse.terms.far_side import FarSide, factors_of_lights, in_parts
 from skinbake.diffuse.terms.flesh_rays import gathered, through_along
 from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
 from skinbake.diffuse.terms.thin_worth import SEEN_SHARE, contribution
@@ -155,9 +155,10 @@ def transmitted_lobe(
     of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
     rgb = {}
     for raster, rows, cols, far in thin.tiles:
-        factor = factors_of_lights(thin.weights, far, of_names, thin.centre_mm)
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
-        image[:, rows, cols] = gathered(_across(diffused, mesh, udim, thin, far, factor, rest, times))
+        for some, there in in_parts(len(rows), far):  # what a ray brings of each light is many times the ray
+            factor = factors_of_lights(thin.weights, there, of_names, thin.centre_mm)
+            image[:, rows[some], cols[some]] = gathered(_across(diffused, mesh, udim, thin, there, factor, rest, times))
         rgb[raster.tile] = image
     return Lobe(float(thin.gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb)
 
