@@ -1,7 +1,7 @@
 """Seconds that the stages of a bake take, from what there is to do: texels, lights, directions, tolerance, triangles.
 
-Fitted to bakes of the sample head, of one skin and of one that varies, at 512^2 to 2048^2 and tolerances of .05 to .003
-on two cores of a 2.6 GHz server.
+Fitted to bakes of the sample head and of a scan at 1024^2 and 2048^2, and tolerances of .05 to .003, on two cores of a
+2.6 GHz server: it stands between the two, of which the scan takes up to twice as long at one size.
 Another machine differs by a factor a stage, which `skinbake.baking.pace` learns from its own bakes.
 """
 
@@ -62,13 +62,14 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
         "read": 0.05 + 5 * triangles,
         "raster": 0.05 + 0.1 * megatexels + 0.5 * triangles,
         "profile": 0.02,
-        "irradiance": 1.05
+        # Directions that all around have settled are not asked: the more there are, the less another one takes
+        "irradiance": 0.5
         + 4 * triangles
         + lamps * 0.17 * megatexels
-        + directions * (13e-4 + 27e-4 * megatexels**0.75),
-        "diffuse": 0.5
+        + directions**0.72 * (0.013 + 0.0075 * megatexels**0.75),
+        "diffuse": 0.6
         + 3 * triangles
-        + (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 * _exactness(budget)
+        + 1.25 * (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 * _exactness(budget)
         + _between_skin(spec, budget, work),
         "preview": 1.0 + 0.35 * megatexels**0.7,
         "write": 0.02 + 0.25 * megatexels,
@@ -97,7 +98,7 @@ def _directions(asked: int | None, budget: Budget) -> float:
 
 def _exactness(budget: Budget) -> float:
     """How much longer lobes take whose sums are closer than those of a tolerance of .01: clusters are smaller."""
-    return max((0.005 / max(budget.blur, 1e-9)) ** 0.7, 1.0)
+    return max((0.005 / max(budget.blur, 1e-9)) ** 0.3, 1.0)
 
 
 def looking(spec: SceneSpec, budget: Budget, work: Work) -> tuple[float, float]:
