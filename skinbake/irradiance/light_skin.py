@@ -54,7 +54,7 @@ def light_skin(
         energy_conservation=decisions.energy_conservation.enabled,
         environments=scene.environments,
         seed=spec.output.seed,
-        tolerance=decisions.budget.sky,
+        tolerance=decisions.budget.sky_directions,
         occluder=scene.occluder,
         rounded=rounded,
         tell=tell,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 # Parts of the square that the size leaves. A sky's directions get dearer soonest
 BLUR, SKY, TERMS = 1.5, 3.5, 1.0
 FIT = "fit"  # term of the plan
+SKIN_TO_SKIN = 0.002  # what light from skin to skin leaves as finely as it is taken, on two heads
 DIGITS = 6  # of an error that bake.json holds
 NEGLIGIBLE = 0.02  # of the tolerance: below this not even what costs next to nothing is computed
 
@@ -53,6 +54,12 @@ class Budget:
     def left(self) -> float:
         """What the size leaves."""
         return sqrt(max(self.tolerance**2 - self.size**2, 0.0))
+
+    @property
+    def sky_directions(self) -> float:
+        """What the number of a sky's directions may leave of `sky`: less where light from skin to skin needs more."""
+        room = self.left**2 - self.blur**2 - SKIN_TO_SKIN**2
+        return sqrt(min(max(room, self.sky**2 / 4), self.sky**2))
 
     @property
     def negligible(self) -> float:

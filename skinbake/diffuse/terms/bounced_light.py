@@ -159,7 +159,8 @@ def _read(view: SkinView, images: Sequence[Image], colour: Sequence[Image], widt
     met = view.met_in([each.shape[1:3] for each in images])
     for image, by, (rows, cols) in zip(images, colour, met, strict=True):
         part = out[start : start + len(rows)]
-        parallel_for(_read_texels, len(rows), np.asarray(image, np.float32), np.float32(by), rows, cols, part)
+        floats = np.asarray(image, np.float32), np.asarray(by, np.float32)
+        parallel_for(_read_texels, len(rows), *floats, rows, cols, part)
         start += len(rows)
     return out
 
