@@ -29,6 +29,14 @@ def look(*lights, **keys):
     return parse(SceneSpec, mapping | keys, lambda key, text: f"{'.'.join(map(str, key))}: {text}")
 
 
+def test_a_sky_leaves_room_for_light_from_skin_to_skin():
+    """That cannot be had closer than .2 %: where the tolerance is tight a sky's directions leave as much."""
+    loose, tight = (budget_of(look(SUN, SKY, tolerance=tolerance)) for tolerance in (0.01, 0.003))
+    assert loose.sky_directions == loose.sky
+    assert tight.sky_directions < tight.sky
+    assert hypot(tight.blur, tight.sky_directions, 0.002) == pytest.approx(0.003)
+
+
 @pytest.mark.parametrize("lost", [0.0, 0.015])
 @pytest.mark.parametrize("lights", [[SUN], [SKY], [SUN, SKY]], ids=["sun", "sky", "both"])
 def test_the_parts_of_each_light_fill_the_tolerance(lights, lost):

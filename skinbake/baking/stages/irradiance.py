@@ -71,9 +71,8 @@ class IrradianceStage(Stage[Maps, Maps]):
     def _light_key(self, name: str) -> str:
         inputs, spec = self._inputs, self._inputs.spec
         light = next(light for light in spec.lights if light.name == name)
-        tolerance = (
-            inputs.decisions.budget.sky_directions if light.type == "environment" else None
-        )  # by which it is planned
+        # By which a sky is planned
+        tolerance = inputs.decisions.budget.sky_directions if light.type == "environment" else None
         oil = None
         if inputs.decisions.energy_conservation.enabled:
             oil = (spec.specular.model_dump(mode="json"), inputs.key(*OILY))
