@@ -121,7 +121,7 @@ def diffuse(
         resources,
         lights,
         remember,
-        LobeResources(as_scaled(beam.rgb), geometry, spec, share, aside) if beam else None,
+        resources.with_light(as_scaled(beam.rgb)) if beam else None,
         beam.narrowest_mm2 if beam else np.inf,
         everywhere and everywhere._replace(rgb=as_scaled(everywhere.rgb)),
     )
@@ -130,7 +130,8 @@ def diffuse(
     if fixed is None:
         tell("planning lobes")
         planned = SkinWeights.of(plan_for, SkinMaps()) if plan_for else weights
-        plans, decisions = plan_auto(memoizer, plan_for or gaussians, planned, seed, precision)
+        # By the light that lobes have in common: where that is wrong, probes that see each one's own will show it
+        plans, decisions = plan_auto(memoizer.in_common(), plan_for or gaussians, planned, seed, precision)
     else:
         plans, decisions = plan_fixed(memoizer.resources, fixed, gaussians)
 

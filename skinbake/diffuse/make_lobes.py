@@ -76,6 +76,10 @@ def make_lobes(
     """
     # What lobes share is larger than they are: those that need most come first, and what none needs any more is let go
     needs = [plan.method.needs(memoizer.resources, plan.parameters) for plan in plans]
+    # A lobe with a light of its own is measured where it is made: what follows from that light is dear
+    own = {i for i, plan in enumerate(plans) if memoizer.light_of(plan.parameters.variance_mm2)[1] is not None}
+    for i in own if len(probes) else ():
+        needs[i] |= REFERENCE.needs(memoizer.resources, plans[i].parameters)
     order = sorted(range(len(plans)), key=lambda i: [resource not in needs[i] for resource in Resource])
     memoizer.release(set(Resource) - needs[order[0]] - {Resource.TEXELS})
     exact: dict[int, Float] = {}
@@ -84,8 +88,6 @@ def make_lobes(
         for i in of if len(probes) else ():
             exact[i] = memoizer.at_probes(REFERENCE, LobeParameters(plans[i].parameters.variance_mm2), probes)
 
-    # A lobe with a light of its own is measured where it is made: what follows from that light is dear
-    own = {i for i, plan in enumerate(plans) if memoizer.light_of(plan.parameters.variance_mm2)[1] is not None}
     tell("measuring lobes exactly")
     measure_exactly(i for i in range(len(plans)) if i not in own)
     memoizer.resources.rest()

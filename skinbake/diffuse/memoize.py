@@ -69,6 +69,13 @@ class Memoizer:
         own = self._everywhere is not None and self._everywhere.changes(variance_mm2)
         return wide, variance_mm2 if own else None
 
+    def in_common(self) -> Memoizer:
+        """The same, but for lights that are one lobe's: each lobe blurs what it has in common with others."""
+        if self._everywhere is None:
+            return self
+        of_wide, wide_mm2 = self._of_wide, self._wide_mm2
+        return Memoizer(self.resources, self.names, self._memoize, of_wide, wide_mm2)
+
     def of_lobe(self, variance_mm2: float) -> LobeResources:
         """What the lobe of a variance is made of."""
         light = wide, own = self.light_of(variance_mm2)
@@ -90,7 +97,7 @@ class Memoizer:
             tiles = method.map(self._only(names, lobe), lobe)
             return {name: {str(tile): rgb[i] for tile, rgb in tiles.items()} for i, name in enumerate(names)}
 
-        found = self._memoize(("map", method.name, *lobe), self.names, make)
+        found = self._memoize(("map", method.name, *lobe, *self._own(lobe)), self.names, make)
         return {
             tile: np.stack([np.asarray(found[name][str(tile)], np.float32) for name in self.names])
             for tile in self.resources.source
@@ -143,8 +150,12 @@ class Memoizer:
             values = operation(self._only(names, lobe), lobe, probes)
             return {name: {"values": values[:, 3 * i : 3 * i + 3]} for i, name in enumerate(names)}
 
-        found = self._memoize((what, method.name, *lobe, _digest(probes)), self.names, make)
+        found = self._memoize((what, method.name, *lobe, *self._own(lobe), _digest(probes)), self.names, make)
         return np.concatenate([np.asarray(found[name]["values"], np.float64) for name in self.names], axis=1)
+
+    def _own(self, lobe: LobeParameters) -> Kind:
+        """Part of a kind that tells a lobe of a light of its own from one of the light in common."""
+        return ("own",) if self.light_of(lobe.variance_mm2)[1] is not None else ()
 
     def _only(self, names: tuple[str, ...], lobe: LobeParameters) -> LobeResources:
         """Resources of some of the lights for a lobe, with the same geometry."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from enum import Enum
 from functools import cached_property
 
@@ -13,17 +14,17 @@ from skinbake.atlas import Tiled, Tiles
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.on_demand import OnDemand
 from skinbake.diffuse.probes import Probes
+from skinbake.diffuse.shared_skin import SharedSkin
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.surface_space.clusters import bending
 from skinbake.diffuse.surface_space.gather import SumRule, cut_sigma
 from skinbake.diffuse.surface_space.oblong import oblong_gain
 from skinbake.diffuse.surface_space.points import TexelPoints
 from skinbake.diffuse.surface_space.sources import SourceTree, source_tree
-from skinbake.diffuse.surface_space.surface_light import LitTile, sums_texels, surface_light
+from skinbake.diffuse.surface_space.surface_light import LitTile, sums_texels
 from skinbake.diffuse.surface_space.upsample import widest_gap
 from skinbake.diffuse.texture_space.blur import TexturePyramid, level_margin, level_size, texture_pyramids
 from skinbake.diffuse.texture_space.blur_error import BlurErrorPredictor
-from skinbake.diffuse.texture_space.uv_gaps import distance_to_foreign
 from skinbake.numerics import Float, Zeros
 from skinbake.scene.spec import DiffusionSpec
 
@@ -51,6 +52,8 @@ class LobeResources:
         Share of each texel's light that scatters, (H, W) a tile: its weight as a source, theory.md 5.12.
     aside : Aside, optional
         Where they stand while they are not read.
+    skin : SharedSkin, optional
+        What resources of other lights on the same skin have made that no light changes.
     """
 
     def __init__(
@@ -60,12 +63,12 @@ class LobeResources:
         spec: DiffusionSpec,
         share: Tiles | None = None,
         aside: Aside = IN_MEMORY,
+        skin: SharedSkin | None = None,
     ) -> None:
-        self.share, self._aside = share, aside
+        self.share, self._aside, self._skin = share, aside, skin or SharedSkin(aside)
         self.source, self.geometry, self.spec = source, geometry, spec
         self.lights = len(next(iter(source.values())))
         self.rule = SumRule(cut_sigma(spec.tolerance, spec.normalise), spec.separate, spec.normalise)
-        self.texels = OnDemand(self._every_texel)
         self.pyramids = OnDemand(self._pyramids)
         self._clusters: dict[tuple[float, float], SourceTree] = {}
 
@@ -75,7 +78,7 @@ class LobeResources:
 
     def with_light(self, source: Tiles) -> LobeResources:
         """Resources of another light, (L, H, W, 3) a tile, about the same geometry."""
-        return LobeResources(source, self.geometry, self.spec, self.share, self._aside)
+        return LobeResources(source, self.geometry, self.spec, self.share, self._aside, self._skin)
 
     @property
     def zeros(self) -> Zeros:
@@ -89,7 +92,7 @@ class LobeResources:
     def release(self, unneeded: Collection[Resource]) -> None:
         """Free the memory of some resources; they are made again if they are asked for after all."""
         if Resource.TEXELS in unneeded:
-            self.texels.release()
+            self._skin.release_texels()
         if Resource.PYRAMIDS in unneeded:
             self.pyramids.release()
 
@@ -97,10 +100,9 @@ class LobeResources:
         """Free the clusters of one lobe."""
         self._clusters = {key: tree for key, tree in self._clusters.items() if key[0] != variance_mm2}
 
-    def _every_texel(self) -> SourceTree:
-        tree = source_tree(self.lit, zeros=self._aside.zeros, rest=self.rest)
-        self.rest()  # what it was made of
-        return tree
+    def texels(self) -> SourceTree:
+        """Every texel as a source, until resources of other light on this skin ask for theirs."""
+        return self._skin.texels(self, self.lit)
 
     def _pyramids(self) -> Tiled[TexturePyramid]:
         return texture_pyramids(self.source, self._coverage, self._aside.zeros)
@@ -111,9 +113,7 @@ class LobeResources:
         points = self.geometry.points
         if self.share is not None:
             points = {tile: each._replace(area_mm2=self._weighed(tile, each)) for tile, each in points.items()}
-        found = surface_light(self.source, points, self._aside.zeros)
-        self.rest()
-        return found
+        return self._skin.lit(self.source, points)
 
     def _weighed(self, tile: int, points: TexelPoints) -> NDArray[np.float32]:
         """Areas of a tile's points, times the share that scatters."""
@@ -149,14 +149,15 @@ class LobeResources:
         `spacing` is the side of the widest cluster in sigma.
         """
         if self.sums_texels(variance_mm2, spacing):
-            return self.texels.get()
+            return self.texels()
         key = (variance_mm2, spacing)
         if key not in self._clusters:
             texels = sum(len(points.flat_index) for points in self.geometry.points.values())
             for other in [k for k, tree in self._clusters.items() if tree.count > LARGE_SHARE * texels]:
                 del self._clusters[other]
             spread_mm2 = spacing**2 / 12 * variance_mm2
-            self._clusters[key] = source_tree(self.lit, spread_mm2, variance_mm2, self._aside.zeros)
+            tree = source_tree(self.lit, spread_mm2, variance_mm2, self._aside.zeros)
+            self._clusters[key] = replace(tree, walked=())  # they get no other light
             self.rest()  # what it was made of
         return self._clusters[key]
 
@@ -223,7 +224,7 @@ class LobeResources:
             level=level,
             pyramid=self.lit[tile].pyramid,
             bend=self._bend[tile],
-            foreign_mm=self._foreign_mm[tile],
+            foreign_mm=self._skin.foreign_mm(self.lit)[tile],
             mean_texel_mm2=(min(row_mm, col_mm) ** 2 * 4**level, max(row_mm, col_mm) ** 2 * 4**level),
             mean=self.mean_light,
         )
@@ -231,7 +232,3 @@ class LobeResources:
     @cached_property
     def _bend(self) -> Tiled[NDArray[np.float32]]:
         return {tile: bending(lit.pyramid, self._aside.zeros) for tile, lit in self.lit.items()}
-
-    @cached_property
-    def _foreign_mm(self) -> Tiled[NDArray[np.float32]]:
-        return distance_to_foreign({tile: lit.pyramid for tile, lit in self.lit.items()})

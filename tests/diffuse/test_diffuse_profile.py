@@ -156,6 +156,25 @@ def test_each_reader_of_a_lobe_gets_its_own_light(name, operation):
     assert Memoizer(near, ("key", "rim"), None, None, 3.0, everywhere_of(sky, np.ones((3, 3)))).of_lobe(0.5) is near
 
 
+def test_a_plan_goes_by_the_light_in_common_and_is_not_taken_for_a_lobes_own():
+    """What is remembered of one is not read for the other, and without the term both are one."""
+    from skinbake.diffuse.draw_probes import draw_probes
+
+    near, store = lit(), Store()
+    sky = {tile: rgb * np.float32(0.5) for tile, rgb in near.source.items()}
+    own = Memoizer(near, ("key", "rim"), store, everywhere=everywhere_of(sky))
+    plain = Memoizer(near, ("key", "rim"))
+    assert plain.in_common() is plain
+    probes, lobe = draw_probes(near.geometry, 30, 0), LobeParameters(float(VARIANCE[1]), 0, 0.8, 0.02)
+    for operation in ("at_probes", "map"):
+        common, its_own, want = (
+            run(each, METHODS["surface"], operation, probes, lobe) for each in (own.in_common(), own, plain)
+        )
+        np.testing.assert_array_equal(common, want)
+        assert np.abs(its_own - want).max() > 0.01
+    assert len(store.made) == 4
+
+
 def test_a_plane_under_a_constant_sky_stays_what_it_was():
     """Lobes are their factors brighter, and their sum is the same; half of the light from lamps halves the change."""
     mesh = quad(40.0, 30.0)

@@ -72,9 +72,12 @@ def test_a_method_takes_only_what_it_says(method, lobe):
         raise AssertionError("made without having been asked for")
 
     needs = method.needs(resources, lobe)
-    for resource, name in ((Resource.TEXELS, "texels"), (Resource.PYRAMIDS, "pyramids")):
+    for resource, name, refusing in (
+        (Resource.TEXELS, "texels", refuse),
+        (Resource.PYRAMIDS, "pyramids", OnDemand(refuse)),
+    ):
         if resource not in needs:
-            setattr(resources, name, OnDemand(refuse))
+            setattr(resources, name, refusing)
     method.map(resources, lobe)
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from skinbake.atlas import rasterize
 from skinbake.diffuse.surface_space.points import texel_points
+from skinbake.diffuse.surface_space.put_light import put_light
 from skinbake.diffuse.surface_space.source_search import (
     GROUPS,
     LEAVES,
@@ -72,6 +73,29 @@ def test_clusters_keep_area_centroid_and_light(light, spread, fewer):
     np.testing.assert_allclose(moments[0], moments[1], rtol=2e-5, atol=2e-5 * moments[0][0] * 30)
     assert sources(tree)[:, NARROWING].min() >= 1
     assert sources(tree)[:, NARROWING].max() <= 4 / (4 - spread) + 1e-6
+
+
+@pytest.mark.parametrize("spread", [-1.0, 0.2])
+def test_other_light_takes_its_place_to_the_bit(light, spread):
+    """Texels and clusters; all else stays."""
+    points = {tile: lit.points for tile, lit in light.items()}
+    source = {tile: lit.radiosity.reshape(2, 117, 150, 3)[::-1] ** 2 for tile, lit in light.items()}
+    other = surface_light(source, points)
+    tree, want = source_tree(light, spread, 4.0), source_tree(other, spread, 4.0)
+    assert (tree.leaf != want.leaf).any()
+    put_light(tree, other)
+    np.testing.assert_array_equal(tree.leaf, want.leaf)
+
+
+def test_moments_of_other_light_are_taken(light):
+    """To the bit those that are made anew, and not made again."""
+    points = {tile: lit.points for tile, lit in light.items()}
+    source = {tile: lit.radiosity.reshape(2, 117, 150, 3) ** 2 for tile, lit in light.items()}
+    taken = surface_light(source, points, same={tile: lit.pyramid for tile, lit in light.items()})
+    for tile, made in surface_light(source, points).items():
+        assert taken[tile].pyramid.moments is light[tile].pyramid.moments
+        for one, other in zip(taken[tile].pyramid, made.pyramid, strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 def test_boxes_enclose_what_is_below_them(light):

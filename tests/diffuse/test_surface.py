@@ -46,7 +46,7 @@ def test_reference_equals_brute_force(variance, separate):
     """To 1e-6, for lobes from a third of a texel up: nothing of the neighbour search shows."""
     mesh, atlas, light = _bumps()
     resources = resources_of(light, atlas, mesh)
-    texels, points = resources.texels.get(), resources.geometry.points[1001]
+    texels, points = resources.texels(), resources.geometry.points[1001]
     pick = np.flatnonzero(points.area_mm2 > 0)[::301]
     coarse = np.full(len(pick), 1e-6, np.float32)  # lobes are not widened to the lattice here
     each = sources(texels)

@@ -28,7 +28,7 @@ class Reference(DiffusionMethod):
         for tile, points in resources.geometry.targets(lobe.level).items():
             image = resources.unreached(tile, lobe.level)
             found = reference_integral(
-                resources.texels.get(), points.position, points.normal, points.texel_mm2, lobe.variance_mm2,
+                resources.texels(), points.position, points.normal, points.texel_mm2, lobe.variance_mm2,
                 resources.rule.separate, resources.rule.normalise,
             )  # fmt: skip
             if gain is not None:
@@ -50,7 +50,7 @@ class Reference(DiffusionMethod):
         if lobe.variance_mm2 == 0:
             return light_at_probes(resources.source, probes)
         found = reference_integral(
-            resources.texels.get(), probes.position, probes.normal, probes.texel_mm2, lobe.variance_mm2,
+            resources.texels(), probes.position, probes.normal, probes.texel_mm2, lobe.variance_mm2,
             resources.rule.separate, resources.rule.normalise,
         )  # fmt: skip
         return found * resources.gain_at_probes(lobe.variance_mm2, probes)

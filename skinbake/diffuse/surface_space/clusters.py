@@ -44,7 +44,9 @@ class MomentPyramid(NamedTuple):
     width: NDArray[np.int64]
 
 
-def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], zeros: Zeros = np.zeros) -> MomentPyramid:
+def moment_pyramid(
+    points: TexelPoints, radiosity: NDArray[np.float32], zeros: Zeros = np.zeros, same: MomentPyramid | None = None
+) -> MomentPyramid:
     """Moments of all blocks.
 
     Parameters
@@ -54,19 +56,25 @@ def moment_pyramid(points: TexelPoints, radiosity: NDArray[np.float32], zeros: Z
         By flat texel; C = 3 L.
     zeros : callable, optional
         Makes its arrays.
+    same : MomentPyramid, optional
+        Of other light on the same points: its moments are taken.
     """
     channels = 3 * len(radiosity)
     sizes = [tuple(-(-side >> level) for side in points.row.shape) for level in range(1, LEVELS + 1)]
     start = np.cumsum([0, *(h * w for h, w in sizes)])
-    moments = zeros((int(start[-1]), _MOMENTS), np.float32)
+    moments = zeros((int(start[-1]), _MOMENTS), np.float32) if same is None else same.moments
     means = zeros((int(start[-1]), channels), np.float32)
     views = [
         (moments[a:b].reshape(*size, -1), means[a:b].reshape(*size, -1))
         for a, b, size in zip(start[:-1], start[1:], sizes, strict=True)
     ]
-    parallel_for(_first_level, sizes[0][0], points, radiosity, *views[0])
+    if same is None:
+        parallel_for(_first_moments, sizes[0][0], points, views[0][0])
+        for fine, coarse in pairwise(views):
+            parallel_for(_next_moments, len(coarse[0]), fine[0], coarse[0])
+    parallel_for(_first_means, sizes[0][0], points, radiosity, *views[0])
     for fine, coarse in pairwise(views):
-        parallel_for(_next_level, len(coarse[0]), *fine, *coarse)
+        parallel_for(_next_means, len(coarse[0]), *fine, *coarse)
     return MomentPyramid(moments, means, start[:-1], np.array([w for _, w in sizes]))
 
 
@@ -195,19 +203,16 @@ def _bending(first, stop, area, light, width, bend):  # type: ignore[no-untyped-
 
 
 @kernel
-def _first_level(first, stop, points, radiosity, out, mean):  # type: ignore[no-untyped-def]
-    """Moments and mean radiosity of blocks of 2 x 2 texels.
+def _first_moments(first, stop, points, out):  # type: ignore[no-untyped-def]
+    """Moments of blocks of 2 x 2 texels.
 
     Parameters
     ----------
     first, stop : int
         Rows of blocks.
     points : TexelPoints
-    radiosity : ndarray of shape (L, H * W, 3), float32
     out : ndarray of shape (h, w, 8), float32
         Written where there is skin; zero before.
-    mean : ndarray of shape (h, w, 3 L), float32
-        The same.
     """
     row_of, position, normal, area = points.row, points.position, points.normal, points.area_mm2
     height, width = row_of.shape
@@ -223,12 +228,9 @@ def _first_level(first, stop, points, radiosity, out, mean):  # type: ignore[no-
                     for axis in range(3):
                         out[i, j, 1 + axis] += area[k] * position[k, axis]
                         out[i, j, 5 + axis] += area[k] * normal[k, axis]
-                    for light in range(len(radiosity)):
-                        for q in range(3):
-                            mean[i, j, 3 * light + q] += area[k] * radiosity[light, r * width + c, q]
             if total <= 0:
                 continue
-            _divide(out[i, j], mean[i, j], total)
+            _divide(out[i, j], total)
             spread = np.float32(0)
             for r in range(2 * i, min(2 * i + 2, height)):
                 for c in range(2 * j, min(2 * j + 2, width)):
@@ -241,16 +243,16 @@ def _first_level(first, stop, points, radiosity, out, mean):  # type: ignore[no-
 
 
 @kernel
-def _next_level(first, stop, fine, fine_mean, out, mean):  # type: ignore[no-untyped-def]
-    """Moments and mean radiosity of blocks, from those of the four blocks that each is made of.
+def _next_moments(first, stop, fine, out):  # type: ignore[no-untyped-def]
+    """Moments of blocks, from those of the four blocks that each is made of.
 
     Parameters
     ----------
     first, stop : int
         Rows of blocks.
-    fine, fine_mean : ndarrays of shape (2 h, 2 w, 8), (2 h, 2 w, 3 L), float32
+    fine : ndarray of shape (2 h, 2 w, 8), float32
         May lack a last row or column.
-    out, mean : ndarrays of shape (h, w, 8), (h, w, 3 L), float32
+    out : ndarray of shape (h, w, 8), float32
         Written where there is skin; zero before.
     """
     height, width = fine.shape[:2]
@@ -264,11 +266,9 @@ def _next_level(first, stop, fine, fine_mean, out, mean):  # type: ignore[no-unt
                     for axis in range(3):
                         out[i, j, 1 + axis] += a * fine[r, c, 1 + axis]
                         out[i, j, 5 + axis] += a * fine[r, c, 5 + axis]
-                    for q in range(mean.shape[2]):
-                        mean[i, j, q] += a * fine_mean[r, c, q]
             if total <= 0:
                 continue
-            _divide(out[i, j], mean[i, j], total)
+            _divide(out[i, j], total)
             # Parallel axes: spread about the common centroid, without the cancellation of raw second moments
             spread = np.float32(0)
             for r in range(2 * i, min(2 * i + 2, height)):
@@ -283,11 +283,70 @@ def _next_level(first, stop, fine, fine_mean, out, mean):  # type: ignore[no-unt
 
 
 @kernel(inline=True)
-def _divide(moments, mean, total):  # type: ignore[no-untyped-def]
+def _divide(moments, total):  # type: ignore[no-untyped-def]
     """Divide a block's sums by its area, which becomes the first of its moments."""
     moments[0] = total
     for axis in range(3):
         moments[1 + axis] /= total
         moments[5 + axis] /= total
-    for q in range(mean.shape[0]):
-        mean[q] /= total
+
+
+@kernel
+def _first_means(first, stop, points, radiosity, moments, mean):  # type: ignore[no-untyped-def]
+    """Mean radiosity of blocks of 2 x 2 texels.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows of blocks.
+    points : TexelPoints
+    radiosity : ndarray of shape (L, H * W, 3), float32
+    moments : ndarray of shape (h, w, 8), float32
+        Of these blocks.
+    mean : ndarray of shape (h, w, 3 L), float32
+        Written where there is skin; zero before.
+    """
+    row_of, area = points.row, points.area_mm2
+    height, width = row_of.shape
+    for i in range(first, stop):
+        for j in range(mean.shape[1]):
+            total = moments[i, j, 0]
+            if total <= 0:
+                continue
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    k = row_of[r, c]
+                    if k < 0 or area[k] <= 0:
+                        continue
+                    for light in range(len(radiosity)):
+                        for q in range(3):
+                            mean[i, j, 3 * light + q] += area[k] * radiosity[light, r * width + c, q]
+            for q in range(mean.shape[2]):
+                mean[i, j, q] /= total
+
+
+@kernel
+def _next_means(first, stop, fine, fine_mean, moments, mean):  # type: ignore[no-untyped-def]
+    """Mean radiosity of blocks, from that of the four blocks that each is made of.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows of blocks.
+    fine, fine_mean : ndarrays of shape (2 h, 2 w, 8), (2 h, 2 w, 3 L), float32
+        May lack a last row or column.
+    moments, mean : ndarrays of shape (h, w, 8), (h, w, 3 L), float32
+        The latter is written where there is skin; zero before.
+    """
+    height, width = fine.shape[:2]
+    for i in range(first, stop):
+        for j in range(mean.shape[1]):
+            total = moments[i, j, 0]
+            if total <= 0:
+                continue
+            for r in range(2 * i, min(2 * i + 2, height)):
+                for c in range(2 * j, min(2 * j + 2, width)):
+                    for q in range(mean.shape[2]):
+                        mean[i, j, q] += fine[r, c, 0] * fine_mean[r, c, q]
+            for q in range(mean.shape[2]):
+                mean[i, j, q] /= total

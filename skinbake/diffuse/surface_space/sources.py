@@ -28,7 +28,7 @@ from skinbake.numerics import Zeros
 NORMAL, NARROWING, AMPLITUDE, LIGHT = 3, 6, 7, 8  # rows of a leaf; x y z come first
 _FAR2 = np.float32(64)  # squared distance to the next source, in areas of the larger: beyond a leaf's own skin
 _NOWHERE = np.float32(1e18)
-_ROOTS_AT_ONCE = 1024  # 2048 x 2048 texels
+ROOTS_AT_ONCE = 1024  # 2048 x 2048 texels
 _ZERO = np.float32(0)
 
 
@@ -49,6 +49,8 @@ class SourceTree:
         Least x y z and greatest x y z of sixteen boxes; those of the leaves first, then of the groups themselves.
     first_group : ndarray of shape (levels,), int64
         Number of each level's first group, leaves first; the last level is one group.
+    walked : tuple of (Walked, ndarray of shape (roots,))
+        Which texels and blocks they are, a tile each, and the first leaf of each root block: where other light goes.
     """
 
     leaf: NDArray[np.float32]
@@ -56,6 +58,7 @@ class SourceTree:
     largest: float
     box: NDArray[np.float32]
     first_group: NDArray[np.int64]
+    walked: tuple[tuple[Walked, NDArray[np.int64]], ...] = ()
 
     @property
     def arrays(self) -> TreeArrays:
@@ -108,28 +111,29 @@ def source_tree(
         rows, cols = _roots(points.row.shape)
         order = zeros((len(rows), 4**LEVELS), np.int32)
         count = np.empty((len(rows), 2), np.int64)
-        roots, found = _Roots(rows, cols), _Walked(order, count)
+        roots, found = _Roots(rows, cols), Walked(order, count)
         parallel_for(_walk, len(rows), roots, points, pyramid, np.float32(max_spread_mm2), found)
         walks.append((points, light, pyramid, order, count))
     total = np.cumsum(np.concatenate([count for *_, count in walks]), axis=0)
     sources, leaves = (int(n) for n in total[-1])
     leaf, box = zeros((leaves, LIGHT + 3 * len(walks[0][1]), LANES), np.float32), _no_boxes(leaves)
-    done = 0
+    done, walked = 0, []
     for points, light, pyramid, order, count in walks:
         begin = (total[done : done + len(count)] - count)[:, 1]
-        for root in range(0, len(order), _ROOTS_AT_ONCE):
-            part = slice(root, root + _ROOTS_AT_ONCE)
-            mine, into = _Walked(order[part], count[part]), _Leaves(begin[part], leaf, box)
+        for root in range(0, len(order), ROOTS_AT_ONCE):
+            part = slice(root, root + ROOTS_AT_ONCE)
+            mine, into = Walked(order[part], count[part]), _Leaves(begin[part], leaf, box)
             parallel_for(_write, len(mine.order), mine, points, light, (pyramid, np.float32(variance_mm2)), into)
             rest()
         done += len(count)
+        walked.append((Walked(order, count), begin))
     levels = [box]
     while len(levels[-1]) > 1:
         levels.append(_no_boxes(len(levels[-1])))
         parallel_for(_enclose, len(levels[-2]), levels[-2], levels[-1])
     first = np.cumsum([0, *(len(level) for level in levels[:-1])])
     largest = float(leaf[:, AMPLITUDE].max(initial=0))
-    return SourceTree(leaf, sources, largest, np.concatenate(levels), first)
+    return SourceTree(leaf, sources, largest, np.concatenate(levels), first, tuple(walked))
 
 
 def _roots(shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -178,7 +182,7 @@ class _Roots(NamedTuple):
     cols: NDArray[np.int64]
 
 
-class _Walked(NamedTuple):
+class Walked(NamedTuple):
     """What `_walk` finds of each root block.
 
     Attributes
@@ -222,7 +226,7 @@ def _walk(first, stop, roots, points, pyramid, max_spread, out):  # type: ignore
     pyramid : MomentPyramid
     max_spread : float32
         Largest spread of a block that is one source, mm^2.
-    out : _Walked
+    out : Walked
         Written.
     """
     rows, cols, order, count = roots.rows, roots.cols, out.order, out.counts
@@ -278,7 +282,7 @@ def _write(first, stop, walked, points, light, lobe, out):  # type: ignore[no-un
     ----------
     first, stop : int
         Root blocks.
-    walked : _Walked
+    walked : Walked
     points : TexelPoints
     light : ndarray of shape (L, H * W, 3), float32
     lobe : (MomentPyramid, float32)
@@ -308,21 +312,43 @@ def _write(first, stop, walked, points, light, lobe, out):  # type: ignore[no-un
                     leaves[to + axis * LANES], leaves[to + (NORMAL + axis) * LANES] = m[1 + axis], m[5 + axis] / length
                 narrowing = variance / (variance - m[4])
                 leaves[to + NARROWING * LANES], leaves[to + AMPLITUDE * LANES] = narrowing, m[0] * narrowing
-                for c in range(mean.shape[1]):
-                    leaves[to + (LIGHT + c) * LANES] = mean[at, c]
             else:
                 for axis in range(3):
                     leaves[to + axis * LANES] = position[at, axis]
                     leaves[to + (NORMAL + axis) * LANES] = normal[at, axis]
                 leaves[to + NARROWING * LANES], leaves[to + AMPLITUDE * LANES] = 1, area[at]
-                texel, to = flat_index[at], to + LIGHT * LANES
-                for each in range(len(light)):
-                    for c in range(3):
-                        leaves[to] = light[each, texel, c]
-                        to += LANES
+            put_source(what, flat_index, light, mean, leaves, to + LIGHT * LANES)
             lane += 1
         if count[root, 0] > 0:
             _close(leaf, k, lane, box)
+
+
+@kernel(inline=True)
+def put_source(what, flat_index, light, mean, leaves, to):  # type: ignore[no-untyped-def]
+    """Write the light of one source.
+
+    Parameters
+    ----------
+    what : int
+        Its number in `Walked.order`, without the mark of a leaf.
+    flat_index : ndarray of shape (T,), int32
+        As of `TexelPoints`.
+    light : ndarray of shape (L, H * W, 3), float32
+    mean : ndarray of shape (B, 3 L), float32
+        Of blocks.
+    leaves : ndarray, float32
+        `SourceTree.leaf`, flat; written.
+    to : int
+        Where its first channel stands.
+    """
+    if what & 1:
+        for c in range(mean.shape[1]):
+            leaves[to + c * LANES] = mean[what >> 1, c]
+    else:
+        texel = flat_index[what >> 1]
+        for each in range(len(light)):
+            for c in range(3):
+                leaves[to + (3 * each + c) * LANES] = light[each, texel, c]
 
 
 @kernel(inner=True)

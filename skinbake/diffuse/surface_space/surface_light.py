@@ -29,7 +29,9 @@ class LitTile(NamedTuple):
     pyramid: MomentPyramid
 
 
-def surface_light(source: Tiles, points: Tiled[TexelPoints], zeros: Zeros = np.zeros) -> Tiled[LitTile]:
+def surface_light(
+    source: Tiles, points: Tiled[TexelPoints], zeros: Zeros = np.zeros, same: Tiled[MomentPyramid] | None = None
+) -> Tiled[LitTile]:
     """Points, light and moments of each tile; the light, (L, H, W, 3) a tile, is not copied.
 
     Parameters
@@ -38,11 +40,14 @@ def surface_light(source: Tiles, points: Tiled[TexelPoints], zeros: Zeros = np.z
     points : TexelPoints of each tile
     zeros : callable, optional
         Makes the moments' arrays.
+    same : Tiled of MomentPyramid, optional
+        Of other light on the same points: their moments are taken.
     """
     lit = {}
     for tile, values in source.items():
         flat = values.reshape(len(values), -1, 3)
-        lit[tile] = LitTile(points[tile], flat, moment_pyramid(points[tile], flat, zeros))
+        pyramid = moment_pyramid(points[tile], flat, zeros, same[tile] if same else None)
+        lit[tile] = LitTile(points[tile], flat, pyramid)
     return lit
 
 
