@@ -8,11 +8,13 @@ import resource
 import shutil
 import sys
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from skinbake.errors import MachineError
 
 _LIMITS = {"v": (resource.RLIMIT_AS, "VmSize:"), "d": (resource.RLIMIT_DATA, "VmData:")}  # by ulimit's option
+_POPULATE_WRITE = 23  # of Linux's madvise
 _TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8  # of glibc's mallopt; a threshold of -1 is never reached
 
 
@@ -64,6 +66,31 @@ def return_freed() -> None:
     if sys.platform.startswith("linux"):
         with suppress(OSError, AttributeError):
             ctypes.CDLL("libc.so.6").malloc_trim(0)
+
+
+def make_pages(address: int, count: int) -> bool:
+    """Have the system make and map the pages of mapped memory at once, to be written to, without Python's lock.
+
+    Parameters
+    ----------
+    address : int
+        Of the first one's beginning.
+    count : int
+        Bytes.
+
+    Returns
+    -------
+    bool
+        Whether it did: Linux from 5.14 on knows how.
+    """
+    if not sys.platform.startswith("linux"):
+        return False
+    return _c_library().madvise(ctypes.c_void_p(address), ctypes.c_size_t(count), _POPULATE_WRITE) == 0
+
+
+@cache
+def _c_library() -> ctypes.CDLL:
+    return ctypes.CDLL(None)
 
 
 def free_disk_bytes(folder: Path) -> int:

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import mmap
 import os
-import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any, TypeVar
@@ -20,7 +18,8 @@ from weakref import WeakSet, finalize, ref
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from skinbake.machine import MappedMemory
+from skinbake.kernels.threads import for_slices
+from skinbake.machine import MappedMemory, make_pages
 
 Kind = TypeVar("Kind", bound=np.generic)
 _SMALLEST = 1 << 20  # bytes: less is not worth a file
@@ -28,8 +27,7 @@ MOST_READ = 512 << 20  # bytes of files that are in memory at a time, about
 MOST_IDLE = 512 << 20  # bytes of files that no array is in any more, and that serve the next ones
 _ROOMY = 2.5  # times what an array takes: a larger file is not given to it
 _AT_ONCE = 1 << 26  # bytes that are copied at a time; whole pages
-_MAPPED = 1 << 24  # bytes, meanwhile other threads wait
-_POPULATE_WRITE = 23  # of Linux's madvise
+_MAPPED = 1 << 24  # bytes that a thread makes pages of at a time; whole pages
 _LOOK_S, _FAR_S = 0.01, 0.04  # between looks at how much there is, near the limit and below half of it
 
 
@@ -129,8 +127,8 @@ class Spool:
             content = self._new(self._folder, size)
         if content is None:
             return None
-        _map(content, size, size > self._most_read // 2)
         whole = np.frombuffer(content, np.uint8)
+        _map(content, whole.ctypes.data, size, size > self._most_read // 2)
         finalize(whole, _give_back, ref(self), content).atexit = False
         if clear and not new:
             whole[:size].fill(0)
@@ -204,25 +202,25 @@ def _reserve(file: IO[bytes], size: int) -> None:
     file.flush()
 
 
-def _map(content: mmap.mmap, size: int, large: bool) -> None:
+def _map(content: mmap.mmap, address: int, size: int, large: bool) -> None:
     """Have the system make and map pages of a file at once: two threads that miss them take thrice the time.
 
     Parameters
     ----------
     content : mmap
+    address : int
+        Where its first byte is.
     size : int
         Bytes that are wanted, from the first one.
     large : bool
         Whether it is too much to stay in memory until it is used: its pages are made all the same.
     """
-    if sys.platform != "linux":
-        return
-    with suppress(OSError):  # before Linux 5.14
-        for begin in range(0, size, _MAPPED):
-            count = min(_MAPPED, size - begin)
-            content.madvise(_POPULATE_WRITE, begin, count)
-            if large:
-                content.madvise(mmap.MADV_DONTNEED, begin, count)
+
+    def some(part: slice) -> None:
+        if make_pages(address + part.start, part.stop - part.start) and large:
+            content.madvise(mmap.MADV_DONTNEED, part.start, part.stop - part.start)
+
+    for_slices(some, size, _MAPPED)
 
 
 def _memory_of(values: NDArray[Any]) -> object:
