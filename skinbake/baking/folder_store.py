@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +27,12 @@ from skinbake.io.digests import sha256_of
 from skinbake.io.exr import files_of, part_file, require_codec
 from skinbake.io.fingerprint import every_input
 from skinbake.io.irradiance import LIGHT, TOTAL, part_keys, read_irradiance, tile_path, write_irradiance
-from skinbake.io.lobes import lobe_name, read_summary, read_totals, write_lobes
+from skinbake.io.lobes import StoredLobe, lobe_name, read_summary, read_totals, write_lobes
 from skinbake.io.lock import folder_lock
 from skinbake.io.manifest import write_manifest
 from skinbake.io.mesh import write_obj
 from skinbake.io.output_names import FIT_FILES, MESH, PICTURE, PICTURE_KEY
+from skinbake.io.packed_lobes import PackedLobes
 from skinbake.io.png import has_one_colour, write_png
 from skinbake.io.profile import read_gaussians, write_fit
 from skinbake.io.relight import TEXTURES, USE, VISIBILITY, read_use, transfer_of, write_transfer
@@ -72,6 +74,7 @@ class FolderStore:
         self._inputs, self._log, self._output, self._udim = inputs, log, spec.output, spec.texture.udim
         self.spool = Spool(self.folder)
         self._background = Background()
+        self._packed = PackedLobes(self.folder, spec.output.precision, spec.output.compression, self.spool)
         self._files = FolderFiles(self.folder)
         self.before: dict[str, Any] = self._files.read()
         self.written: set[str] = set()
@@ -98,7 +101,7 @@ class FolderStore:
         own = {path.name for path in self.irradiance_paths().values()}
         read = [path for path in given if path.name not in own]
         refuse_inputs_as_outputs(spec, self.folder, [*every_input(spec), *read])
-        with folder_lock(self.folder, self._log.say), self._background:
+        with folder_lock(self.folder, self._log.say), closing(self._packed), self._background:
             self.before = self._files.read()
             sometimes = {PICTURE: picture, MESH: spec.texture.unwrap == "xatlas"}
             unless = [name for name, written in sometimes.items() if not written]
@@ -255,6 +258,13 @@ class FolderStore:
             return result
         return read_totals(self.folder, result, self._udim)
 
+    def pack_lobe(self, lobe: StoredLobe, lights: tuple[str, ...]) -> None:
+        """Pack a lobe that is made, before `keep_lobes` is given them all."""
+        if self._output.layout == "multipart":
+            named = lights if self._inputs.decisions.separate_lights else ()
+            for tile, rgb in lobe.rgb.items():
+                self._background.do(partial(self._packed.pack, rgb, lobe.total[tile], named))
+
     def keep_lobes(self, result: DiffuseMap, provenance: Provenance) -> None:
         """Write lobe_*.exr and transmission.exr, and remove those of a look with more lobes."""
         separate = self._inputs.decisions.separate_lights
@@ -262,7 +272,9 @@ class FolderStore:
         self._begin_texture(names, "lobe_", "transmission")
         header, output, udim = self._header(provenance), self._output, self._udim
         how = output.precision, output.compression, separate, udim, output.layout
-        self._background.do(lambda: write_lobes(self.folder, result, provenance.key, header, *how, self.spool))
+        self._background.do(
+            lambda: write_lobes(self.folder, result, provenance.key, header, *how, self.spool, self._packed)
+        )
 
     # Light that comes later
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skinbake.baking.kept_fit import KeptFit
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap
+from skinbake.io.lobes import StoredLobe
 from skinbake.io.spool import Spool
 from skinbake.irradiance import IrradianceMap
 from skinbake.profile import FitReport, GaussianSum
@@ -50,6 +51,9 @@ class MemoryStore:
     def lobe_totals(self, result: DiffuseMap) -> DiffuseMap:
         """The lobes, which have their totals."""
         return result
+
+    def pack_lobe(self, lobe: StoredLobe, lights: tuple[str, ...]) -> None:
+        """Write nothing."""
 
     def keep_lobes(self, result: DiffuseMap, provenance: Provenance) -> None:
         """Write nothing."""

@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # stages import this, and their code keys must not hang on wh
     from skinbake.baking.provenance import Provenance
     from skinbake.diffuse import DiffuseMap
     from skinbake.io.cache import Cache
+    from skinbake.io.lobes import StoredLobe
     from skinbake.io.spool import Spool
     from skinbake.irradiance import IrradianceMap
     from skinbake.profile import FitReport, GaussianSum
@@ -53,6 +54,9 @@ class ResultStore(Protocol):
 
     def lobe_totals(self, result: DiffuseMap) -> DiffuseMap:
         """Lobes that `lobes` gave, each with the sum over its lights."""
+
+    def pack_lobe(self, lobe: StoredLobe, lights: tuple[str, ...]) -> None:
+        """Begin with a lobe of these lights that `keep_lobes` will be given later, as likely as not."""
 
     def keep_lobes(self, result: DiffuseMap, provenance: Provenance) -> None:
         """Keep lobes that are rounded as they are stored."""

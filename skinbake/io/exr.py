@@ -74,22 +74,48 @@ def write_parts(
     MachineError
         Disk full.
     """
+    with atomic_write(path) as temporary:
+        pack_parts(temporary, parts, attributes, precision, compression, path)
+
+
+def pack_parts(
+    file: Path,
+    parts: Sequence[Part],
+    attributes: Mapping[str, Any] | None = None,
+    precision: str = "half",
+    compression: str = "auto",
+    path: Path | str | None = None,
+) -> None:
+    """As `write_parts`, straight into a file, which may be left half-written.
+
+    Parameters
+    ----------
+    file : Path
+    parts, attributes, precision, compression
+        As `write_parts`.
+    path : path, optional
+        What messages call it.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `write_parts`.
+    """
     import OpenEXR
 
-    codec = _codec(compression, precision)
+    codec, named = _codec(compression, precision), path or file
     made = []
     for part in parts:
         header = {"chromaticities": REC709, "oiio:ColorSpace": "lin_rec709", **(attributes or {}), **part.attributes}
         header |= {"type": OpenEXR.scanlineimage, "compression": codec}
-        stored = [_stored(path, part.name, names, values, precision) for names, values in part.channels.items()]
+        stored = [_stored(named, part.name, names, values, precision) for names, values in part.channels.items()]
         made.append(OpenEXR.Part(header, {name: values for some in stored for name, values in some.items()}, part.name))
     threads = thread_count()
     OpenEXR.set_global_thread_count(threads if threads > 1 else 0)  # one would only be waited for
-    with atomic_write(path) as temporary:
-        try:
-            OpenEXR.File(made).write(str(temporary))
-        except RuntimeError as error:
-            raise system_error(temporary, str(error)) from error
+    try:
+        OpenEXR.File(made).write(str(file))
+    except RuntimeError as error:
+        raise system_error(file, str(error)) from error
 
 
 def require_codec(compression: str) -> None:

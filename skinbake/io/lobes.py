@@ -14,10 +14,11 @@ from pydantic import ConfigDict, Field
 
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe, MeasuredError
 from skinbake.errors import InputError
-from skinbake.io.exr import Part, channel_of, read_attributes, read_parts, rgb_channels
+from skinbake.io.exr import channel_of, read_attributes, read_parts
 from skinbake.io.exr_copy import copy_parts
-from skinbake.io.irradiance import LAYOUTS, LIGHT, TOTAL, tile_path
+from skinbake.io.irradiance import LAYOUTS, TOTAL, tile_path
 from skinbake.io.output_names import is_output
+from skinbake.io.packed_lobes import PackedLobes, lobe_parts
 from skinbake.io.record import Record
 from skinbake.io.spool import Spool
 from skinbake.stored_precision import as_stored_with_sum
@@ -132,6 +133,7 @@ def write_lobes(
     udim: bool = False,
     layout: str = "multipart",
     spool: Spool | None = None,
+    ahead: PackedLobes | None = None,
 ) -> None:
     """Write every lobe and tile; the first file's header holds the plan, so that a bake can be taken up from it.
 
@@ -154,6 +156,8 @@ def write_lobes(
         A file a lobe, or a file a part.
     spool : Spool, optional
         Has the pixels.
+    ahead : PackedLobes, optional
+        Has files of some of them, which are taken out of it.
 
     Raises
     ------
@@ -180,6 +184,7 @@ def write_lobes(
         "skinbake:error": json.dumps(asdict(result.error) if result.error else None),
     }
     packed: dict[int, Path] = {}  # files by their pixels: several lobes may be the light itself
+    parts_of = result.lights if separate else ()
     for index in reversed(range(len(result.lobes))):  # lobe_0 last: a folder that has it has them all
         lobe = result.lobes[index]
         own: dict[str, Any] = {
@@ -192,12 +197,12 @@ def write_lobes(
         assert isinstance(lobe, StoredLobe)
         for tile, rgb in lobe.rgb.items():
             path = tile_path(folder / names[index], tile, udim)
-            same = packed.setdefault(id(rgb), path) if layout == "multipart" else path
-            if same == path or not copy_parts(same, path, own):
-                parts = [Part(TOTAL, rgb_channels(lobe.total[tile]))]
-                if separate:
-                    parts += [Part(LIGHT + n, rgb_channels(rgb[i])) for i, n in enumerate(result.lights)]
-                LAYOUTS[layout](path, parts, header | own, precision, compression)
+            same = packed.get(id(rgb)) or (ahead.take(rgb, parts_of) if ahead else None)
+            if layout != "multipart" or same is None or not copy_parts(same, path, header | own):
+                LAYOUTS[layout](path, lobe_parts(rgb, lobe.total[tile], parts_of), header | own, precision, compression)
+            packed[id(rgb)] = path
+            if ahead:
+                ahead.drop(rgb)
             if spool is not None:
                 spool.rest()
 

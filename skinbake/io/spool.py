@@ -114,6 +114,13 @@ class Spool:
         for content in self._contents():
             content.madvise(mmap.MADV_DONTNEED)
 
+    def rest_of(self, *arrays: NDArray[Any]) -> None:
+        """As `rest`, of some arrays alone: others may be in use."""
+        for each in arrays:
+            content = _memory_of(each)
+            if isinstance(content, mmap.mmap):
+                content.madvise(mmap.MADV_DONTNEED)
+
     def _file(self, size: int, clear: bool) -> NDArray[np.uint8] | None:
         """Bytes of a file, zeros if `clear`; None where there can be none.
 

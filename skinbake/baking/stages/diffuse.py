@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from skinbake.baking.incidence_table import incidence_table
 from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.provenance import Provenance
-from skinbake.diffuse import DiffuseMap
+from skinbake.diffuse import DiffuseMap, Lobe
 from skinbake.diffuse.aside import Aside
 from skinbake.diffuse.light_entering import EnteredSkin
 from skinbake.diffuse.memoize import Kind, Make
@@ -179,6 +178,12 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             transfer, line = decide_reuse(inputs.spec, self._transfer.result, gaussians, left)
             if transfer:
                 return reused_lights(inputs.spec, transfer, gaussians, inputs.scene().environments, line)
+
+        def put_aside(lobe: Lobe) -> Lobe:
+            stored = as_stored_lobe(lobe, inputs.spec.output.precision, spool)
+            self._results.pack_lobe(stored, irradiance[0].lights)
+            return stored
+
         made = scatter(
             inputs.spec.model_copy(update={"skin": self._mean_skin()}),
             inputs.decisions,
@@ -192,7 +197,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             remember=self._remember(),
             base=self._base(slanted_asked),
             aside=Aside(
-                partial(as_stored_lobe, precision=inputs.spec.output.precision, spool=spool),
+                put_aside,
                 spool.keep,
                 spool.zeros,
                 spool.rest,
