@@ -231,6 +231,18 @@ def mul_add(typing: Any, a: Any, b: Any, c: Any) -> Any:
     return _signature(a, b, c), generate
 
 
+@intrinsic
+def square_root(typing: Any, a: Any) -> Any:
+    """Square root of each lane, rounded as the scalar one is."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        of_type = ir.FunctionType(_VECTOR, [_VECTOR])
+        function = cgutils.get_or_insert_function(builder.module, of_type, f"llvm.sqrt.v{LANES}f32")
+        return builder.call(function, args)
+
+    return _LANES(a), generate
+
+
 def _operator(generate: Any, *functions: Any) -> None:
     """Give operators of Python a meaning for lanes with lanes, and with a scalar on either side.
 

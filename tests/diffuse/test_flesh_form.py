@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinbake.diffuse.terms.flesh_form import decay_below
+from skinbake.diffuse.terms.flesh_form import _groups, decay_below
+from skinbake.diffuse.terms.flesh_sums import REACH, Elements, decay_at
 from skinbake.profile.curved_skin import curved_gain, through_curved
 from skinbake.profile.medium import Medium
 from skinbake.profile.slab_transport import diffuse_mean, slab_transport
@@ -123,3 +124,33 @@ def test_a_slab_shines_as_walks_say_with_what_comes_through_it(thick):
     np.testing.assert_allclose(whole[0], walked[0], rtol=0.08)  # two free paths are no diffusion
     if thick < 4:
         assert np.all(gain[1:] < 0.95 * walked[1:])
+
+
+def test_sums_of_sixteen_at_a_time_are_those_of_each_alone():
+    """Small faces all around, some beyond reach: of the kernel and of its slope, in float64 one after another."""
+    rng = np.random.default_rng(3)
+    way = rng.normal(size=(700, 3))
+    middle = way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(2.0, 24.0, (700, 1))
+    middle[0] = 0.0
+    corner = 0.25 * rng.normal(size=(700, 3, 3))
+    corner[0] *= 1e-7  # which the place itself is in the middle of
+    corner += middle[:, None] - corner.mean(axis=1, keepdims=True)
+    elements = Elements(corner, np.zeros(700), np.arange(700))
+    groups = _groups(corner)
+    groups.sought.reshape(4, -1)[3, 700 : groups.start[-1]] = 1e6  # no group of them is one source
+    found = np.empty((1, 3))
+    decay_at(0, 1, np.array([0]), elements, groups, KAPPA, found)
+
+    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
+    area, r = np.linalg.norm(across, axis=1)[1:], np.linalg.norm(middle[1:], axis=1)
+    spread = ((corner - middle[:, None]) ** 2).sum(axis=(1, 2))[1:] / 24
+    along = (across[1:] * middle[1:]).sum(axis=1) / r
+    value, slope = np.zeros(3), np.zeros(3)
+    for c, kappa in enumerate(KAPPA):
+        screened = np.where(kappa * r <= REACH, np.exp(-kappa * r) / r, 0.0)
+        value[c] = (area * screened * (1 + spread / 2 * (kappa**2 + (kappa + 1 / r) / r))).sum()
+        slope[c] = -(along * screened * (kappa + 1 / r)).sum()
+    assert np.count_nonzero(KAPPA.min() * r > REACH) > 50
+    assert value[0] > 1
+    want = (2 * np.pi + slope) / (value + 2 * np.pi * np.exp(-REACH) / KAPPA)
+    np.testing.assert_allclose(found[0], want, rtol=1e-4)

@@ -21,6 +21,7 @@ from skinbake.kernels.simd import (
     mul_add,
     prefetch,
     same,
+    square_root,
     store,
     sum_of_lanes,
 )
@@ -51,6 +52,11 @@ def k_load_scalar(a, b, out):
 @kernel
 def k_same(a, b, out):
     store(out, 0, same(load(a, 0), load(b, 0)))
+
+
+@kernel
+def k_square_root(a, b, out):
+    store(out, 0, square_root(load(a, 0) * load(a, 0)))
 
 
 @kernel
@@ -132,6 +138,7 @@ CASES = {
     k_load: A,
     k_load_scalar: A[::-1],
     k_same: (A == B).astype(np.float32),
+    k_square_root: np.sqrt(A * A),
     k_across: in_first(A.min(), A.max(), halved(A)),
     k_bits: (A < B).astype(np.float32),
     k_bits_of_scalar: in_first(sum(1 << int(k) for k in np.flatnonzero(A < 2))),

@@ -8,66 +8,19 @@ nothing has to be known of what lies between two points.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.kernels.compile import kernel
+from skinbake.diffuse.terms.flesh_sums import FAN, TINY, Elements, Groups, decay_at
+from skinbake.kernels.simd import LANES
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
-REACH = 5.0  # diffusion lengths that are looked
 SIDE = 0.6  # of the longest diffusion length: longer sides are cut
 MOST_CUTS = 16  # of a side
-FAN = 8  # elements, or groups of them, of a group
-OPENING = 0.7  # radius of a group over its distance, at most, to be one source
-FADED = 3.0  # diffusion lengths up to which elements are cut so that the kernel is even on them
-NEAR, MOST_PARTS = 1.0, 6  # sides over distance: a near element is cut into (NEAR times that)^2 parts
 RECEIVERS = 150_000  # where more elements differ from a plane, some have the value of their group
 FLAT = 0.05  # part of the rate by which an element differs from a plane, at most, to stand for its group
-EVEN = 1e-5  # slope below which all about is in one plane
-TINY = 1e-12
-
-
-class Elements(NamedTuple):
-    """Pieces of the face.
-
-    Attributes
-    ----------
-    corner : ndarray of shape (E, 3, 3)
-    bend : ndarray of shape (E,)
-        Mean curvature, 1/mm, from the corners' normals.
-    face : ndarray of shape (E,), int64
-        Face of the mesh, -1: none, a piece that goes on beyond an open border.
-    """
-
-    corner: Float
-    bend: Float
-    face: NDArray[np.int64]
-
-
-class Groups(NamedTuple):
-    """Elements in an order that runs through space, and groups of them, level after level.
-
-    Attributes
-    ----------
-    start : ndarray of shape (levels + 1,), int64
-        First group of each level; of level 0 each is an element.
-    middle, across : ndarrays of shape (n, 3)
-        Centroid, and sum of area times outward normal.
-    area, radius : ndarrays of shape (n,)
-    spread : ndarray of shape (n,)
-        Variance of the places along each direction of the face, mm^2.
-    """
-
-    start: NDArray[np.int64]
-    middle: Float
-    across: Float
-    area: Float
-    radius: Float
-    spread: Float
 
 
 def decay_below(mesh: SkinMesh, kappa_per_mm: Float) -> Float:
@@ -88,14 +41,14 @@ def decay_below(mesh: SkinMesh, kappa_per_mm: Float) -> Float:
     # One element in `FAN`, and all where its value differs from a plane's; of larger meshes not each
     few = mine[FAN // 2 :: FAN] if len(mine) > FAN // 2 else mine[:1]
     coarse = np.empty((len(few), len(kappa)))
-    parallel_for(_decay, len(few), few, elements, groups, kappa, coarse)
+    parallel_for(decay_at, len(few), few, elements, groups, kappa, coarse)
     group = np.minimum(np.arange(len(mine)) // FAN, len(few) - 1)
     each = coarse[group]
     differs = np.abs(coarse / kappa - 1).max(axis=1) > FLAT
     fine = np.flatnonzero(differs[group])
     fine = fine[:: -(-len(fine) // RECEIVERS) or 1]
     found = np.empty((len(fine), len(kappa)))
-    parallel_for(_decay, len(fine), mine[fine], elements, groups, kappa, found)
+    parallel_for(decay_at, len(fine), mine[fine], elements, groups, kappa, found)
     each[fine] = found
 
     area, count = groups.area[mine], len(mesh.positions_mm)
@@ -243,144 +196,7 @@ def _groups(corner: Float) -> Groups:
         far = np.maximum.reduceat(away + radius, first)
         levels.append((centre, np.add.reduceat(across, first), np.add.reduceat(area, first), far, variance))
     start = np.cumsum([0, *(len(level[2]) for level in levels)])
-    return Groups(start, *(np.concatenate(part) for part in zip(*levels, strict=True)))
-
-
-@kernel(inner=True)
-def _add(way, source, kappa, sums):  # type: ignore[no-untyped-def]
-    """Add a source's kernel and its slope along the source's normal, times 4 pi.
-
-    Parameters
-    ----------
-    way : tuple of three floats
-        From the receiver to the source.
-    source : tuple of five floats
-        Area times normal, area, and spread, which makes the kernel's mean of its value in the middle, to second order.
-    kappa : ndarray of shape (C,)
-    sums : ndarray of shape (2, C), added to
-    """
-    dx, dy, dz = way
-    ax, ay, az, area, spread = source
-    r = max(np.sqrt(dx * dx + dy * dy + dz * dz), TINY)
-    inverse = 1.0 / r
-    facing = (dx * ax + dy * ay + dz * az) * inverse
-    for c in range(len(kappa)):
-        if kappa[c] * r > REACH:
-            continue
-        screened = np.exp(-kappa[c] * r) * inverse
-        bent = kappa[c] * kappa[c] + (kappa[c] + inverse) * inverse
-        sums[0, c] += area * screened * (1.0 + 0.5 * spread * bent)
-        sums[1, c] -= facing * screened * (kappa[c] + inverse)
-
-
-@kernel(inner=True)
-def _add_near(at, corner, source, parts, kappa, sums):  # type: ignore[no-untyped-def]
-    """Add an element by the middles of parts^2 pieces of it."""
-    share = 1.0 / (parts * parts)
-    piece = source[0] * share, source[1] * share, source[2] * share, source[3] * share, source[4] * share
-    for i in range(parts):
-        for j in range(parts - i):
-            for other in range(2 if i + j < parts - 1 else 1):
-                u, v = (i + (1 + other) / 3.0) / parts, (j + (1 + other) / 3.0) / parts
-                w = 1.0 - u - v
-                dx = w * corner[0, 0] + u * corner[1, 0] + v * corner[2, 0] - at[0]
-                dy = w * corner[0, 1] + u * corner[1, 1] + v * corner[2, 1] - at[1]
-                dz = w * corner[0, 2] + u * corner[1, 2] + v * corner[2, 2] - at[2]
-                _add((dx, dy, dz), piece, kappa, sums)
-
-
-@kernel(inner=True)
-def _add_own(at, corner, bend, kappa, sums):  # type: ignore[no-untyped-def]
-    """Add the element that the receiver is in the middle of: of 1/r exactly, bent as its normals say.
-
-    Parameters
-    ----------
-    at : tuple of three floats
-    corner : ndarray of shape (3, 3)
-    bend : float
-    kappa : ndarray of shape (C,)
-    sums : ndarray of shape (2, C), added to
-    """
-    of_plane = 0.0  # integral of 1/r
-    for k in range(3):
-        m = (k + 1) % 3
-        length2, along, away2 = 0.0, 0.0, 0.0
-        for axis in range(3):
-            side, to = corner[m, axis] - corner[k, axis], corner[k, axis] - at[axis]
-            length2 += side * side
-            along += to * side
-            away2 += to * to
-        length = np.sqrt(max(length2, TINY))
-        first = along / length
-        height = np.sqrt(max(away2 - first * first, TINY))
-        of_plane += height * (np.arcsinh((first + length) / height) - np.arcsinh(first / height))
-    radius = of_plane / (2.0 * np.pi)  # of the disc with the same integral
-    for c in range(len(kappa)):
-        x = kappa[c] * radius
-        faded = -np.expm1(-x) / max(x, TINY)
-        sums[0, c] += of_plane * faded
-        # A disc of a bent face: -pi bend times the integral of (kappa r + 1) exp(-kappa r)
-        sums[1, c] -= np.pi * bend * radius * (2.0 * faded - np.exp(-x))
-
-
-@kernel
-def _decay(first, stop, mine, elements, groups, kappa, out):  # type: ignore[no-untyped-def]
-    """Rates at the middles of elements.
-
-    Parameters
-    ----------
-    first, stop : int
-        Rows of `out`.
-    mine : ndarray of shape (n,), int64
-        Element of each.
-    elements : Elements
-    groups : Groups
-    kappa : ndarray of shape (C,)
-    out : ndarray of shape (n, C), written
-    """
-    start, middle, across, area, radius, spread = groups
-    sums = np.empty((2, len(kappa)))
-    stack = np.empty((128, 2), np.int64)
-    furthest = 0.0
-    for c in range(len(kappa)):
-        furthest = max(furthest, REACH / kappa[c])
-    top = len(start) - 2
-    for row in range(first, stop):
-        own = mine[row]
-        at = middle[own, 0], middle[own, 1], middle[own, 2]
-        sums[:] = 0.0
-        stack[0, 0], stack[0, 1], waiting = top, 0, 1
-        while waiting > 0:
-            waiting -= 1
-            level, place = stack[waiting, 0], stack[waiting, 1]
-            k = start[level] + place
-            dx, dy, dz = middle[k, 0] - at[0], middle[k, 1] - at[1], middle[k, 2] - at[2]
-            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if distance - radius[k] > furthest:
-                continue
-            if level > 0 and radius[k] > OPENING * distance:
-                below = start[level] - start[level - 1]
-                for child in range(FAN * place, min(FAN * place + FAN, below)):
-                    stack[waiting, 0], stack[waiting, 1] = level - 1, child
-                    waiting += 1
-                continue
-            source = across[k, 0], across[k, 1], across[k, 2], area[k], spread[k]
-            if level > 0:
-                _add((dx, dy, dz), source, kappa, sums)
-            elif k == own:
-                _add_own(at, elements.corner[k], elements.bend[k], kappa, sums)
-            else:
-                parts = NEAR * 2.0 * radius[k] / max(distance, TINY)
-                for c in range(len(kappa)):
-                    if kappa[c] * (distance - radius[k]) < FADED:
-                        parts = max(parts, kappa[c] * radius[k])
-                parts = min(int(parts) + 1, MOST_PARTS)
-                if parts == 1:
-                    _add((dx, dy, dz), source, kappa, sums)
-                else:
-                    _add_near(at, elements.corner[k], source, parts, kappa, sums)
-        for c in range(len(kappa)):
-            beyond = 2.0 * np.pi * np.exp(-REACH) / kappa[c]  # of a plane
-            out[row, c] = max(2.0 * np.pi + sums[1, c], 0.0) / max(sums[0, c] + beyond, TINY)
-            if abs(sums[1, c]) < EVEN:
-                out[row, c] = kappa[c]
+    middle, across, area, radius, spread = (np.concatenate(part) for part in zip(*levels, strict=True))
+    sought = np.zeros((4, len(area) + LANES), np.float32)
+    sought[:3, : len(area)], sought[3, : len(area)] = middle.T, radius
+    return Groups(start, middle, across, area, radius, spread, sought.ravel())
