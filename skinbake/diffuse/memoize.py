@@ -62,6 +62,7 @@ class Memoizer:
         self._of_lights: dict[tuple[LobeLight, tuple[str, ...]], LobeResources] = {((False, None), names): resources}
         if of_wide:
             self._of_lights[(True, None), names] = of_wide
+        self._room: Tiles | None = None  # of the last lobe's own light, for the next one's
 
     def light_of(self, variance_mm2: float) -> LobeLight:
         """Which light the lobe of a variance blurs: that of wider lobes or not, and whose factors are in it, if any."""
@@ -84,14 +85,17 @@ class Memoizer:
             # Lobes are made one after another: what is only another's would fill the memory
             self._of_lights = {key: each for key, each in self._of_lights.items() if key[0][1] is None}
             base = self._of_lights[(wide, None), self.names]
-            source = self._everywhere.added_to(base.source, own, base.zeros)
-            self._of_lights[light, self.names] = base.with_light(source)
+            self._room = self._everywhere.added_to(base.source, own, base.zeros, self._room)
+            self._of_lights[light, self.names] = base.with_light(self._room)
         return self._of_lights[light, self.names]
 
     def map(self, method: DiffusionMethod, lobe: LobeParameters) -> Tiles:
         """The lobe at its stored size, (L, h, w, 3) a tile."""
         if self._memoize is None or method.quick:
-            return method.map(self.of_lobe(lobe.variance_mm2), lobe)
+            tiles = method.map(self.of_lobe(lobe.variance_mm2), lobe)
+            if self._room and any(np.may_share_memory(rgb, self._room[tile]) for tile, rgb in tiles.items()):
+                self._room = None  # the lobe is the light itself, which stays
+            return tiles
 
         def make(names: tuple[str, ...]) -> dict[str, Values]:
             tiles = method.map(self._only(names, lobe), lobe)

@@ -266,3 +266,19 @@ def test_a_bake_shows_it_and_auto_changes_no_pixel(tmp_path):
     assert 1e-5 < moved < 0.01
     apart = np.linalg.norm(on.radiant_exitance() - total.radiant_exitance())
     assert apart < 0.004 * np.linalg.norm(off.radiant_exitance())
+
+
+def test_the_room_of_a_lobes_light_is_taken_again_unless_it_is_the_lobe():
+    """An unblurred lobe is its light itself: the next lobe's must not stand in its place."""
+    near = lit()
+    sky = {tile: rgb * np.float32(0.5) for tile, rgb in near.source.items()}
+    own = Memoizer(near, ("key", "rim"), everywhere=everywhere_of(sky))
+    lobes = [LobeParameters(float(variance)) for variance in VARIANCE]
+    first = own.of_lobe(VARIANCE[0]).source[1001]
+    assert own.of_lobe(VARIANCE[1]).source[1001] is first
+    kept = own.map(METHODS["identity"], lobes[1])[1001]
+    before = kept.copy()
+    assert own.of_lobe(VARIANCE[2]).source[1001] is not kept
+    np.testing.assert_array_equal(kept, before)
+    want = near.source[1001] + sky[1001] * (FACTOR[1] - 1).astype(np.float32)
+    np.testing.assert_allclose(kept, want, atol=1e-6)

@@ -303,8 +303,15 @@ def _add(first, stop, gain, factor, image, base, out):  # type: ignore[no-untype
     lights, height, width = image.shape[:3]
     for row in range(first, stop):
         for col in range(width):
+            something = False
+            for light in range(lights):
+                for c in range(3):
+                    out[light, row, col, c] = base[light, row, col, c]
+                    something |= image[light, row, col, c] != 0
+            if not something:  # as beyond the charts
+                continue
             around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
             for c in range(3):
                 times = _factor_at(factor, c, bilinear(gain, c, around))
                 for light in range(lights):
-                    out[light, row, col, c] = base[light, row, col, c] + image[light, row, col, c] * times
+                    out[light, row, col, c] += image[light, row, col, c] * times

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, Tiles
 from skinbake.diffuse.terms.curvature import MOST_GAIN, STEPS, CurvedSkin, add_by_gain, lobe_factors
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, Zeros, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_share
@@ -61,12 +63,10 @@ class EverywhereLight(NamedTuple):
 
     def times(self, source: Tiles) -> Float:
         """How many times lobes have each light on flat skin, on the average, (L, N, 3); `source` is all light."""
-        part, whole = (
-            sum(each.sum(axis=(1, 2), dtype=np.float64) for each in of.values()) for of in (self.rgb, source)
-        )
+        part, whole = (np.sum([_sum(each) for each in of.values()], axis=0) for of in (self.rgb, source))
         return 1 + safe_div(part, whole)[:, None] * (self.factor[:, round(STEPS / MOST_GAIN)] - 1)
 
-    def added_to(self, source: Tiles, variance_mm2: float, zeros: Zeros) -> Tiles:
+    def added_to(self, source: Tiles, variance_mm2: float, zeros: Zeros, room: Tiles | None = None) -> Tiles:
         """What a lobe blurs of light that has it once.
 
         Parameters
@@ -76,10 +76,12 @@ class EverywhereLight(NamedTuple):
             Of the lobe.
         zeros : callable
             Makes large arrays.
+        room : Tiles, optional
+            Arrays to write it into, as they were given before, in place of others.
         """
         found, factor = {}, self.factor[self.variance_mm2 == variance_mm2][0]
         for tile, rgb in self.rgb.items():
-            found[tile] = zeros(rgb.shape, np.float32)
+            found[tile] = zeros(rgb.shape, np.float32) if room is None else room[tile]
             add_by_gain(self.gain[tile], factor - 1, rgb, source[tile], found[tile])
         return found
 
@@ -223,3 +225,23 @@ def _filtered(image: Image, kernel: Image) -> Image:
     """An image (h, w, 3 or 1) with its frequencies times a kernel (h, w // 2 + 1, 3)."""
     spectrum = np.fft.rfft2(image, axes=(0, 1)) * kernel
     return np.asarray(np.fft.irfft2(spectrum, image.shape[:2], axes=(0, 1)), np.float32)
+
+
+def _sum(images: Image) -> Float:
+    """Sum over the texels of images (L, H, W, 3), (L, 3): by rows, so that threads cannot change it."""
+    rows = np.zeros((images.shape[1], len(images), 3))
+    parallel_for(_sum_rows, len(rows), images, rows)
+    return rows.sum(axis=0)
+
+
+@kernel
+def _sum_rows(first, stop, images, rows):  # type: ignore[no-untyped-def]
+    """Sums of rows `first` to `stop` of images (L, H, W, 3), written into `rows`, (H, L, 3)."""
+    for row in range(first, stop):
+        for light in range(len(images)):
+            red, green, blue = 0.0, 0.0, 0.0
+            for col in range(images.shape[2]):
+                red += images[light, row, col, 0]
+                green += images[light, row, col, 1]
+                blue += images[light, row, col, 2]
+            rows[row, light, 0], rows[row, light, 1], rows[row, light, 2] = red, green, blue
