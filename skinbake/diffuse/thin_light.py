@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +67,7 @@ def sent_on(
     scene: SceneData,
     gaussians: GaussianSum,
     rest: Callable[[], None] = lambda: None,
+    left: Mapping[int, Image] | None = None,
 ) -> Lobe:
     """Transmitted light with what other skin gets of it. Takes the pixels out of `through`.
 
@@ -85,6 +87,8 @@ def sent_on(
     gaussians : GaussianSum
     rest : callable, optional
         Frees the memory of each lobe that was read.
+    left : mapping of int to ndarray of shape (L, H, W, 3), optional
+        By tile: the weighted sum of the lobes at the full size, where somebody has it.
     """
     atlas = entered.atlas
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
@@ -92,7 +96,10 @@ def sent_on(
     sources = [_source_shape(raster, scene.mesh) for raster in atlas]
     total = [weights.total_image(raster.tile, raster.shape) for raster in atlas]
     tiles = {raster.tile: through.rgb.pop(raster.tile) for raster in atlas}
-    leaving = _leaving(lobes, weights, atlas, sources, rest)
+    if left is None:
+        leaving = _leaving(lobes, weights, atlas, sources, rest)
+    else:
+        leaving = [_at_middles(left[raster.tile], shape) for raster, shape in zip(atlas, sources, strict=True)]
     known = [fitted(share, shape) for share, shape in zip(total, sources, strict=True)]
     # Skin is lit by what is shown, which is what is stored times the rest of the albedo
     shown = [fitted(colour, shape) ** (1 - before) for colour, shape in zip(albedo, sources, strict=True)]
@@ -102,11 +109,10 @@ def sent_on(
     for some in (lit[k : k + at_once] for k in range(0, len(lit), at_once)):
         sent, square, area = [], np.zeros(len(some)), 0.0
         for place, (raster, shape, light) in enumerate(zip(atlas, sources, entered.tiles, strict=True)):
-            already = _some(light, some, shape) * known[place]
-            more = _some(tiles[raster.tile], some, shape) - already + leaving[place][some]
-            sent.append(more * shown[place])
             of = fitted(raster.area_mm2[..., None], shape)
-            square += [float((of * image**2).sum()) for image in already]
+            sends = _Sends(light, tiles[raster.tile], leaving[place], known[place], shown[place], of)
+            sent.append(np.empty((len(some), *shape, 3), np.float32))
+            on_threads(partial(_send, sends, some, sent[-1], square), len(some))
             area += 3 * float(of.sum())
         least = LEFT_OUT * spec.diffusion.tolerance * np.sqrt(square / max(area, 1e-30))
         arrives = skin_light.lit_by([names[i] for i in some], sent)
@@ -115,6 +121,49 @@ def sent_on(
             for k, i in enumerate(some):
                 parallel_for(_add, raster.shape[0], small[k], np.float32(least[k]), of_skin, tiles[raster.tile][i])
     return replace(through, rgb=tiles)
+
+
+class _Sends(NamedTuple):
+    """What light that skin sends on of transmitted light is made of, on a tile.
+
+    Attributes
+    ----------
+    entered, through : ndarrays of shape (L, H, W, 3)
+        Light that enters, and that came through, at the texels of transmitted light.
+    leaving : ndarray of shape (L, h, w, 3)
+        Of the lobes, at the texels that send.
+    known, shown : ndarrays of shape (h, w, 3) or (1, 1, 3)
+        What of the first has been sent already, and what of the rest is seen.
+    area_mm2 : ndarray of shape (h, w, 1)
+    """
+
+    entered: Image
+    through: Image
+    leaving: Image
+    known: Image
+    shown: Image
+    area_mm2: Image
+
+
+def _send(sends: _Sends, some: Sequence[int], out: Image, square: NDArray[np.float64], k: int) -> None:
+    """M of the k-th of some lights that has not been sent yet, and the sum of squares of what has, added.
+
+    Parameters
+    ----------
+    sends : _Sends
+    some : sequence of int
+        Numbers of the lights.
+    out : ndarray of shape (k or more, h, w, 3), float32
+        Written.
+    square : ndarray of shape (k or more,)
+        Added to.
+    k : int
+    """
+    one, shape = some[k : k + 1], out.shape[1:3]
+    already = _some(sends.entered, one, shape)[0] * sends.known
+    more = _some(sends.through, one, shape)[0] - already + sends.leaving[some[k]]
+    np.multiply(more, sends.shown, out=out[k])
+    square[k] += float((sends.area_mm2 * already**2).sum())
 
 
 @kernel

@@ -16,6 +16,7 @@ from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
 from skinbake.irradiance.surface import texel_surface
 from skinbake.kernels.compile import kernel
+from skinbake.kernels.simd import LANES, broadcast, load, mul_add, store
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.relight.open_sky import OpenSky
@@ -23,8 +24,7 @@ from skinbake.scene.spec import SpecularSpec
 
 Image = NDArray[np.float32]
 NODES = 65  # of what a cosine lets in, even in its square root: the oil's albedo rises steeply towards grazing
-WIDE = 8  # lights go by whole vectors of a processor
-AT_ONCE = 4  # directions that are added up together
+GROUP = 8  # directions that are near each other and are looked at together: all below the horizon, or added up at once
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Passage:
 
     @property
     def factor_rgb(self) -> Float:
-        """The slant's factor at the nodes, (NODES, 3)."""
+        """The slant's factor at the nodes, (NODES, 3), or (NODES, 1) where it has no colour."""
         if self.slant is None:
-            return np.ones((NODES, 3))
+            return np.ones((NODES, 1))
         cosine = np.linspace(0, 1, NODES) ** 2
         nodes = np.linspace(0, 1, len(self.slant.factor_rgb))
         return np.stack([np.interp(cosine, nodes, self.slant.factor_rgb[:, c]) for c in range(3)], axis=1)
@@ -95,7 +95,7 @@ class _Passage(NamedTuple):
     Attributes
     ----------
     oil : OilLayer
-    factor_rgb : ndarray of shape (NODES, 3)
+    factor_rgb : ndarray of shape (NODES, 3 or 1)
     """
 
     oil: OilLayer
@@ -149,13 +149,18 @@ def basis_irradiance(
             sky.row[raster.tile],
             sky.share[raster.tile],
             sky.normal[raster.tile],
-            np.ascontiguousarray(sky.towards.T),
+            _filled_up(sky.towards).T.copy(),
         ),
         _Passage(OilLayer(surface.roughness, surface.strength, passage.oil_albedo, surface.f0), passage.factor_rgb),
-        np.pad(np.asarray(light, np.float32), ((0, 0), (0, -light.shape[1] % WIDE))),
+        np.pad(_filled_up(light), ((0, 0), (0, -light.shape[1] % (2 * LANES)))),
         out,
     )
     return out.reshape(len(out), height, width, 3) if texels is None else out
+
+
+def _filled_up(rows: Image) -> Image:
+    """Rows of directions with zeros after them, whole groups in all: from there no light comes, at no cosine."""
+    return np.pad(np.asarray(rows, np.float32), ((0, -len(rows) % GROUP), (0, 0)))
 
 
 @kernel
@@ -174,47 +179,82 @@ def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyp
         Written.
     """
     count, lights = light.shape
+    channels = passage.factor_rgb.shape[1]
     height, width = at.normal.shape[:2]
     h, w = sky.row.shape
-    seen, cosines = np.empty(count, np.float32), np.empty(count, np.float32)
-    open_to, enters = np.zeros(count + AT_ONCE, np.int64), np.empty((3, count + AT_ONCE), np.float32)
-    red, green, blue = np.empty(lights, np.float32), np.empty(lights, np.float32), np.empty(lights, np.float32)
-    lets = np.empty((NODES, 3), np.float32)
+    seen, cosines = np.zeros(count, np.float32), np.empty(count, np.float32)
+    node, groups = np.empty(count, np.uint32), np.empty(count // GROUP, np.int64)
+    enters, total = np.empty((channels, count), np.float32), np.empty((channels, lights), np.float32)
+    lets = np.empty((channels, NODES), np.float32)
     for i in range(first, stop):
         row, col = at.texels[i] // width, at.texels[i] % width
         nx, ny, nz = at.normal[row, col, 0], at.normal[row, col, 1], at.normal[row, col, 2]
         around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
         _read_share(sky, at.smooth_normal[row, col], around, seen)
-        _let_in(passage, row, col, lets)
-        found = 0
+        if i == first or _varies(passage.oil):
+            _let_in(passage, row, col, lets)
         for d in range(count):
             cosines[d] = nx * sky.columns[0, d] + ny * sky.columns[1, d] + nz * sky.columns[2, d]
-        for d in range(count):  # without a branch, which no processor could foresee
-            open_to[found] = d
-            found += (cosines[d] > 0.0) & (seen[d] > 0.0)
-        for n in range(found):
-            cosine = cosines[open_to[n]]
-            x = min(np.sqrt(cosine), np.float32(1.0)) * np.float32(NODES - 1)
-            j = min(int(x), NODES - 2)
-            x -= j
-            weight = cosine * seen[open_to[n]]
-            for c in range(3):
-                enters[c, n] = weight * (lets[j, c] + x * (lets[j + 1, c] - lets[j, c]))
-        open_to[found : found + AT_ONCE] = 0
-        enters[:, found : found + AT_ONCE] = 0.0
-        red[:], green[:], blue[:] = 0.0, 0.0, 0.0
-        for n in range(0, found, AT_ONCE):
-            d0, d1, d2, d3 = open_to[n], open_to[n + 1], open_to[n + 2], open_to[n + 3]
-            r0, r1, r2, r3 = enters[0, n], enters[0, n + 1], enters[0, n + 2], enters[0, n + 3]
-            g0, g1, g2, g3 = enters[1, n], enters[1, n + 1], enters[1, n + 2], enters[1, n + 3]
-            b0, b1, b2, b3 = enters[2, n], enters[2, n + 1], enters[2, n + 2], enters[2, n + 3]
-            for k in range(lights):
-                l0, l1, l2, l3 = light[d0, k], light[d1, k], light[d2, k], light[d3, k]
-                red[k] += (r0 * l0 + r1 * l1) + (r2 * l2 + r3 * l3)
-                green[k] += (g0 * l0 + g1 * l1) + (g2 * l2 + g3 * l3)
-                blue[k] += (b0 * l0 + b1 * l1) + (b2 * l2 + b3 * l3)
+        found = 0
+        for begin in range(0, count, GROUP):
+            lit = 0
+            for d in range(begin, begin + GROUP):
+                lit += (cosines[d] > 0.0) & (seen[d] > 0.0)
+            groups[found] = begin
+            found += lit > 0
+        # Short loops without a choice in them, which the compiler makes vectors of
+        for d in range(count):
+            cosines[d] = max(cosines[d], np.float32(0.0))
+            seen[d] *= cosines[d]
+            cosines[d] = min(np.sqrt(cosines[d]), np.float32(1.0)) * np.float32(NODES - 1)
+        for d in range(count):
+            node[d] = min(np.int32(cosines[d]), np.int32(NODES - 2))
+            cosines[d] -= np.float32(node[d])
+        for c in range(channels):
+            of = lets[c]
+            for d in range(count):
+                below = of[node[d]]
+                enters[c, d] = seen[d] * (below + cosines[d] * (of[node[d] + 1] - below))
+            _add_up(groups[:found], enters[c], light, total[c])
         for k in range(len(out)):
-            out[k, at.place[i], 0], out[k, at.place[i], 1], out[k, at.place[i], 2] = red[k], green[k], blue[k]
+            for c in range(3):
+                out[k, at.place[i], c] = total[c % channels, k]
+
+
+@kernel(inner=True)
+def _varies(oil: OilLayer) -> bool:
+    """Whether what the oil takes off differs between texels."""
+    return oil.roughness.size > 1 or oil.strength.size > 1 or oil.f0.size > 1
+
+
+@kernel(inner=True)
+def _add_up(groups, enters, light, total):  # type: ignore[no-untyped-def]
+    """Sum of what directions send of each light.
+
+    Parameters
+    ----------
+    groups : ndarray of shape (G,)
+        First directions of the groups that count.
+    enters : ndarray of shape (D,)
+        What of each direction enters.
+    light : ndarray of shape (D, K)
+        K is a multiple of two vectors.
+    total : ndarray of shape (K,)
+        Written.
+    """
+    flat, lights = light.reshape(-1), light.shape[1]
+    for k in range(0, lights, 2 * LANES):
+        even, odd = broadcast(np.float32(0)), broadcast(np.float32(0))
+        even_2, odd_2 = broadcast(np.float32(0)), broadcast(np.float32(0))
+        for begin in groups:
+            for d in range(begin, begin + GROUP, 2):
+                at = d * lights + k
+                even = mul_add(load(flat, at), enters[d], even)
+                even_2 = mul_add(load(flat, at + LANES), enters[d], even_2)
+                odd = mul_add(load(flat, at + lights), enters[d + 1], odd)
+                odd_2 = mul_add(load(flat, at + lights + LANES), enters[d + 1], odd_2)
+        store(total, k, even + odd)
+        store(total, k + LANES, even_2 + odd_2)
 
 
 @kernel(inner=True)
@@ -227,9 +267,10 @@ def _read_share(sky, normal, around, seen):  # type: ignore[no-untyped-def]
     normal : ndarray of shape (3,)
     around : tuple
         As `texels_around` gives it.
-    seen : ndarray of shape (D,)
+    seen : ndarray of shape (D or more,)
         Written.
     """
+    count = sky.share.shape[1]
     i0, i1, fy, j0, j1, fx = around
     seen[:] = 0.0
     total = 0.0
@@ -244,13 +285,13 @@ def _read_share(sky, normal, around, seen):  # type: ignore[no-untyped-def]
                 weight *= max(same, 0.0) ** 4
             total += weight
             part = np.float32(weight)
-            for d in range(len(seen)):
+            for d in range(count):
                 seen[d] += part * np.float32(sky.share[r, d])
         if total > 0.0:
             break
     if total > 0.0:
         scale = np.float32(1.0 / (255.0 * total))
-        for d in range(len(seen)):
+        for d in range(count):
             seen[d] *= scale
 
 
@@ -263,7 +304,7 @@ def _let_in(passage, row, col, lets):  # type: ignore[no-untyped-def]
     passage : _Passage
     row, col : int
         Texel.
-    lets : ndarray of shape (NODES, 3)
+    lets : ndarray of shape (3 or 1, NODES)
         Written.
     """
     oil = passage.oil
@@ -275,5 +316,5 @@ def _let_in(passage, row, col, lets):  # type: ignore[no-untyped-def]
         if oil.table.size > 0:
             cosine = (j / (NODES - 1)) ** 2
             enters = min(max(1.0 - strength * albedo_at(oil.table, cosine, np.float64(roughness), f0), 0.0), 1.0)
-        for c in range(3):
-            lets[j, c] = enters * passage.factor_rgb[j, c]
+        for c in range(len(lets)):
+            lets[c, j] = enters * passage.factor_rgb[j, c]

@@ -27,6 +27,7 @@ SMALLEST = 64  # texels of its shorter side
 WHOLE = 255  # a share of 1
 SEEN_ORDER = 2  # of harmonics by which the oil knows what is open
 RAYS = 1 << 16  # that a thread has in memory at a time
+_CELLS_BITS = 5  # cells along each axis by which directions are put in order: 2^5
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class OpenSky:
     atlas : Atlas
         The small one.
     towards : ndarray of shape (D, 3), float32
-        Unit directions, each for an equal part of the sphere.
+        Unit directions, each for an equal part of the sphere; those that follow each other are near.
     origin, normal : dicts of int to ndarray of shape (n, 3), float32
         By tile: where the rays of the rows of `share` start, about the occluder's centre, and the smooth normals there.
     row : dict of int to ndarray of shape (h, w), int32
@@ -89,6 +90,7 @@ def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], direction
     texture = spec.texture
     atlas = coarser_atlas(scene.mesh, texture.size, texture.gutter, texture.udim, size)
     towards = all_around(directions).astype(np.float32)
+    towards = towards[near_together(towards)]
     rows, origins, normals, shares = {}, {}, {}, {}
     for raster in atlas:
         surface = texel_surface(raster, scene.mesh, scene.maps, spec.specular, scene.occluder)
@@ -100,6 +102,13 @@ def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], direction
         rows[raster.tile], origins[raster.tile], normals[raster.tile] = row, origin, normal
         shares[raster.tile] = _shares(raster, surface.smooth_normal, origin, towards, occluder)
     return OpenSky(atlas, towards, origins, normals, rows, shares, spec.shadows)
+
+
+def near_together(towards: Image) -> NDArray[np.int64]:
+    """Order of unit directions (D, 3) in which those that follow each other are near: by an octree's cells."""
+    cell = np.minimum(((towards + 1) * 2 ** (_CELLS_BITS - 1)).astype(np.int64), 2**_CELLS_BITS - 1)
+    place = sum((cell[:, axis] >> bit & 1) << (3 * bit + axis) for bit in range(_CELLS_BITS) for axis in range(3))
+    return np.argsort(place, kind="stable")
 
 
 def _shares(

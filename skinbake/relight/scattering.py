@@ -30,13 +30,14 @@ from skinbake.diffuse.terms.even_share import even_share
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts
-from skinbake.diffuse.terms.transmission import transmit, transmitted_lobe
+from skinbake.diffuse.terms.transmission import transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
 from skinbake.kernels.threads import on_threads
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium
+from skinbake.relight.flesh_light import FleshLight
 from skinbake.scene.decision import Decision, Decisions
 from skinbake.scene.spec import SceneSpec
 
@@ -101,6 +102,9 @@ class Scattering:
         self._enough: tuple[int, float] = (1, 0.0)
         self._bounces: int | None = None
         self.thin: ThinParts | None = None
+        # Of the plan and the skin, the same for all lights
+        self._flesh_light: FleshLight | None = None
+        self._straight: dict[int, Image] | None = None
         area = [raster.area_mm2[..., None] for raster in atlas]
         lit = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, self._albedo, strict=True))
         self._mean_albedo = lit / sum(map(np.sum, area))
@@ -130,12 +134,19 @@ class Scattering:
         diffused = self._diffused(light)
         through, straight = self._transmitted(diffused, first), None
         if self._curved and through is not None and self.thin is not None:
-            straight = even_share(diffused, self.thin, self._curved)
+            if self._straight is None:
+                self._straight = even_share(diffused, self.thin, self._curved)
+            straight = self._straight
         lobes = self._curved.applied(diffused.lobes, straight) if self._curved else diffused.lobes
-        through = self._sent_on(through, lobes, light, diffused.lights)
-        lobes = (*lobes, through) if through else lobes
-        weights = SkinWeights(np.array([lobe.weight_rgb for lobe in lobes]), self._weights.table, self._scene.maps)
-        return {raster.tile: summed_lobes(lobes, weights, raster.tile, raster.shape) for raster in self._atlas}
+        alone = np.array([lobe.weight_rgb for lobe in ((*lobes, through) if through else lobes)])
+        weights = SkinWeights(alone, self._weights.table, self._scene.maps)
+        out = {raster.tile: summed_lobes(lobes, weights, raster.tile, raster.shape) for raster in self._atlas}
+        if through is not None:
+            through = self._sent_on(through, lobes, light, diffused.lights, out)
+            for raster in self._atlas:
+                weight = weights.image(len(lobes), raster.tile, raster.shape)
+                _add_lobe(through, weight, raster.tile, out[raster.tile])
+        return out
 
     def _decide_bounces(self, light: Tiles) -> None:
         """Look around where skin lights skin by more than the tolerance."""
@@ -165,13 +176,14 @@ class Scattering:
         """Add what skin sends on to skin."""
         if self.view is None:
             return
-        sent = [light[raster.tile] * colour for raster, colour in zip(self._atlas, self._reflected, strict=True)]
+        arrives = [light[raster.tile] for raster in self._atlas]
         again = [self._again * colour for colour in self._reflected]
         if self._bounces is None:
             # As many for every light of the basis, or their sum would not be the light's
-            even = bounced_light(self.view, [image[:1] for image in sent], again, *self._enough)
+            first = [image[:1] for image in arrives]
+            even = bounced_light(self.view, first, again, *self._enough, colour=self._reflected)
             self._bounces = int(even.bounces.max())
-        found = bounced_light(self.view, sent, again, self._bounces, measured=False)
+        found = bounced_light(self.view, arrives, again, self._bounces, measured=False, colour=self._reflected)
         for raster, small in zip(self._atlas, found.tiles, strict=True):
             for k, image in enumerate(light[raster.tile]):
                 add_at_full_size(self._again * small[k], raster, image)
@@ -220,19 +232,21 @@ class Scattering:
             return lobe
         if self.thin is None:
             return None
-        return transmitted_lobe(diffused, scene.mesh, texture.udim, self.thin, scatter=scatter)
+        if self._flesh_light is None:
+            self._flesh_light = FleshLight(diffused, scene.mesh, texture.udim, self.thin)
+        return self._flesh_light.lobe(diffused, scatter)
 
     def _sent_on(
-        self, through: Lobe | None, lobes: tuple[Lobe, ...], light: Tiles, names: tuple[str, ...]
-    ) -> Lobe | None:
-        """The same with what other skin gets of it."""
-        if through is None or self.thin is None or self.view is None or self._bounces is None:
+        self, through: Lobe, lobes: tuple[Lobe, ...], light: Tiles, names: tuple[str, ...], left: Tiles
+    ) -> Lobe:
+        """The same with what other skin gets of it; `left` is the sum of the lobes."""
+        if self.thin is None or self.view is None or self._bounces is None:
             return through
         seen = [fitted(colour, r.shape) for colour, r in zip(self._reflected, self.view.atlas, strict=True)]
         gain, bounces = dict.fromkeys(names, self._again), dict.fromkeys(names, self._bounces)
         skin_light = SkinLight(self.view, seen, gain, bounces)
         entered = SmallLight.of(light, self.thin)
-        return sent_on(through, lobes, entered, names, skin_light, self._spec, self._scene, self._gaussians)
+        return sent_on(through, lobes, entered, names, skin_light, self._spec, self._scene, self._gaussians, left=left)
 
 
 def summed_lobes(lobes: tuple[Lobe, ...], weights: SkinWeights, tile: int, shape: tuple[int, int]) -> Image:
@@ -246,12 +260,12 @@ def summed_lobes(lobes: tuple[Lobe, ...], weights: SkinWeights, tile: int, shape
     tile : int
     shape : (H, W)
     """
-    weight = [weights.image(i, tile, shape) for i in range(len(lobes))]
     out = np.zeros((len(lobes[0].rgb[tile]), *shape, 3), np.float32)
-
-    def add(k: int) -> None:
-        for each, lobe in zip(weight, lobes, strict=True):
-            add_magnified(lobe.rgb[tile][k], each, out[k])
-
-    on_threads(add, len(out))
+    for i, lobe in enumerate(lobes):
+        _add_lobe(lobe, weights.image(i, tile, shape), tile, out)
     return out
+
+
+def _add_lobe(lobe: Lobe, weight: Image, tile: int, out: Image) -> None:
+    """Add a lobe times its weight at each place, read bilinearly, to (L, H, W, 3)."""
+    on_threads(lambda k: add_magnified(lobe.rgb[tile][k], weight, out[k]), len(out))

@@ -18,7 +18,6 @@ from skinbake.relight.open_sky import OpenSky
 
 Image = NDArray[np.float32]
 RAYS = 128  # of a texel's 512 directions above the horizon; in the way of one in twenty there is skin of a head
-_CELLS_BITS = 5  # cells along each axis by which directions are put in order: 2^5
 _TURN = 0.6180339887498949  # of neighbouring texels' rays against each other
 
 
@@ -33,15 +32,14 @@ def seen_skin(sky: OpenSky, scene: SceneData, size: tuple[int, int], udim: bool)
         Of the texture whose texels are seen.
     udim : bool
     """
-    order = _near_together(sky.towards)
-    columns = np.ascontiguousarray(sky.towards[order].T)
+    columns = np.ascontiguousarray(sky.towards.T)
     before, tile, flat, met_skin, in_first_half, parts = 0, [], [], [], [], []
     for k, raster in enumerate(sky.atlas):
         share = sky.share[raster.tile]
         flat.append(np.flatnonzero(raster.addressed))
         tile.append(np.full(len(share), k, np.int32))
         way = np.empty((len(share), RAYS), np.int32)
-        parallel_for(_aim, len(way), sky.normal[raster.tile], columns, order, way)
+        parallel_for(_aim, len(way), sky.normal[raster.tile], columns, way)
         hit = np.take_along_axis(share, way, axis=1) == 0 if sky.shadows else np.ones(way.shape, np.bool_)
         texel = np.nonzero(hit)[0]
         origin, towards = sky.origin[raster.tile][texel], sky.towards[way[hit]]
@@ -56,15 +54,8 @@ def seen_skin(sky: OpenSky, scene: SceneData, size: tuple[int, int], udim: bool)
     return numbered(sky.atlas, *texels, np.concatenate(met_skin), np.concatenate(in_first_half), parts, None, size)
 
 
-def _near_together(towards: Image) -> NDArray[np.int64]:
-    """Order of unit directions (D, 3) in which those that follow each other are near: by an octree's cells."""
-    cell = np.minimum(((towards + 1) * 2 ** (_CELLS_BITS - 1)).astype(np.int64), 2**_CELLS_BITS - 1)
-    place = sum((cell[:, axis] >> bit & 1) << (3 * bit + axis) for bit in range(_CELLS_BITS) for axis in range(3))
-    return np.argsort(place, kind="stable")
-
-
 @kernel
-def _aim(first, stop, normal, columns, order, way):  # type: ignore[no-untyped-def]
+def _aim(first, stop, normal, columns, way):  # type: ignore[no-untyped-def]
     """Choose cosine-distributed directions: in equal steps of the cosines' running sum, every other one in either half.
 
     Parameters
@@ -73,9 +64,7 @@ def _aim(first, stop, normal, columns, order, way):  # type: ignore[no-untyped-d
         Texels.
     normal : ndarray of shape (n, 3)
     columns : ndarray of shape (3, D)
-        Directions in order.
-    order : ndarray of shape (D,)
-        Their numbers.
+        Directions, of which those that follow each other are near.
     way : ndarray of shape (n, rays), int32
         Written: numbers of those that are chosen.
     """
@@ -91,4 +80,4 @@ def _aim(first, stop, normal, columns, order, way):  # type: ignore[no-untyped-d
         for k in range(rays):
             while d < count - 1 and sums[d] <= (begin + k) / rays * total:
                 d += 1
-            way[i, k % 2 * (rays // 2) + k // 2] = order[d]
+            way[i, k % 2 * (rays // 2) + k // 2] = d

@@ -98,16 +98,14 @@ def bounced_light(
     for turn in range(most.max(initial=1)):
         halves = np.zeros((1 if turn else 2, *out.shape), np.float32)
         parallel_for(_collect, len(out), rays, values, halves)
-        got = halves[0] if turn else halves.mean(axis=0)
-        out += got
-        sent_again = got.copy()
-        sent_again[:, : 3 * lights].reshape(len(got), lights, 3)[...] *= again
+        apart = view.quieter(halves[0] - halves[1]) if measured and not turn else None
+        got, sent_again = halves[0], np.empty_like(out)
+        parallel_for(_arrive, len(out), halves, again, out, sent_again)
         done += going
         if measured:
             now, then = _rms(got, ones, lights), _rms(sent_again, view.share, lights)
-            if not turn:
+            if apart is not None:
                 first = now
-                apart = view.quieter(halves[0] - halves[1])
                 apart[:, : 3 * lights].reshape(len(got), lights, 3)[...] *= again
                 here = np.maximum(_rms(sent_again, np.sqrt(area), lights), 1e-30)
                 noise = _rms(apart, np.sqrt(area), lights) / here * (_HALVES * np.sqrt(0.5) * 2**-NOISE_FALL)
@@ -121,7 +119,7 @@ def bounced_light(
         if not going.all():
             sent_again[:, : 3 * lights].reshape(len(got), lights, 3)[:, ~going] = 0
         if not turn:
-            rays = rays._replace(seen=view.receiver().astype(np.int32)[view.seen])
+            rays = rays._replace(seen=view.seen_again)
         values = sent_again
     out = view.quieter(out)
     tiles = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
@@ -189,6 +187,7 @@ def _read_texels(start, stop, image, colour, rows, cols, out):  # type: ignore[n
 def _reflected_again(view: SkinView, reflected: Sequence[Image], gain_rgb: Image | None) -> Image:
     """What leaves again at the texels that receive, (n, L, 3), or (n, 1, 3) where it is the same for all lights."""
     gain = np.ones((1, 3), np.float32) if gain_rgb is None else gain_rgb
+    gain = gain[:1] if (gain == gain[0]).all() else gain
     again = np.empty((len(view.tile), len(gain), 3), np.float32)
     for k, (colour, raster) in enumerate(zip(reflected, view.atlas, strict=True)):
         mine = view.tile == k
@@ -309,6 +308,33 @@ def _collect(start, stop, view, source, out):  # type: ignore[no-untyped-def]
                     store(to, row + v, total)
             for v in range(width):
                 to[row + v] /= 0.5 * view.rays[i]
+
+
+@kernel
+def _arrive(start, stop, halves, again, out, sent_again):  # type: ignore[no-untyped-def]
+    """Add what arrives, the mean of the halves, and send on what leaves of it.
+
+    Parameters
+    ----------
+    start, stop : int
+        Points.
+    halves : ndarray of shape (1 or 2, n, v), float32
+        Of the rays; the first one becomes the mean.
+    again : ndarray of shape (n, L or 1, 3), float32
+        What leaves.
+    out : ndarray of shape (n, v), float32
+        Added to.
+    sent_again : ndarray of shape (n, v), float32
+        Written.
+    """
+    for i in range(start, stop):
+        if len(halves) > 1:
+            for v in range(out.shape[1]):
+                halves[0, i, v] = (halves[0, i, v] + halves[1, i, v]) * np.float32(0.5)
+        for v in range(out.shape[1]):
+            out[i, v] += halves[0, i, v]
+            light = min(v // 3, again.shape[1] - 1)
+            sent_again[i, v] = halves[0, i, v] * again[i, light, v % 3]
 
 
 @kernel

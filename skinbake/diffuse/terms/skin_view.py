@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -89,6 +90,12 @@ class SkinView:
         shapes = [raster.shape for raster in self.atlas]
         at = self.met_in(shapes)
         return np.concatenate([self._numbers(k)[at[k]] for k in range(len(shapes))]).astype(np.int64)
+
+    @cached_property
+    def seen_again(self) -> NDArray[np.int32]:
+        """Which receiving texel each ray meets, -1 where what it meets receives nothing, (k,): for further bounces."""
+        found: NDArray[np.int32] = self.receiver().astype(np.int32)[self.seen]
+        return found
 
     def quieter(self, values: Image) -> Image:
         """Values of the texels, (n, v), each the mean with its neighbours where such are taken."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -113,6 +114,15 @@ class ThinParts(NamedTuple):
                 behind = behind._replace(held=curved.held(mesh, udim, behind.face, behind.uv))
             tiles.append(ThinTile(raster, rows, cols, behind))
         return cls(weights, gaussians, tuple(tiles), occluder.centre_mm)
+
+    def lobe_read(self, variance_mm2: Sequence[float]) -> int:
+        """Which of lobes of ascending variances light is read from where rays come out.
+
+        The widest that is not wider than a free path, which light goes at either end: unblurred, each ray would show
+        the far side's shadows, and wider lobes would blur what the rays' directions blur already.
+        """
+        narrow = [i for i, variance in enumerate(variance_mm2) if variance <= self.weights.free_path_mm**2]
+        return narrow[-1] if narrow else 0
 
 
 def _look_behind(

@@ -216,9 +216,6 @@ def _across(
 ) -> Image:
     """Light that comes along n rays, (L, n, 3), not below 0.
 
-    It is read from the widest lobe that is not wider than a free path, which light goes at either end: unblurred, each
-    ray would show the far side's shadows, and wider lobes would blur what the rays' directions blur already.
-
     Parameters
     ----------
     diffused : DiffuseMap
@@ -231,13 +228,12 @@ def _across(
     rest, times
         As in `transmit`.
     """
-    narrow = [i for i, lobe in enumerate(diffused.lobes) if lobe.variance_mm2 <= thin.weights.free_path_mm**2]
     if times is None:
         less = [carried_already(diffused, thin, far)] * len(factor)
     else:
         less = [carried_already(diffused, thin, far, of_light) for of_light in times]
     of_rays = _OfLobe(along_rays(thin, far), less, factor)
-    read = narrow[-1] if narrow else 0
+    read = thin.lobe_read([lobe.variance_mm2 for lobe in diffused.lobes])
     light = _gather(diffused, mesh, udim, far.face, far.uv, lambda number: of_rays if number == read else None, rest)
     if times is not None:  # what rays bring is of the light once
         light /= times[:, read, None].astype(np.float32)
