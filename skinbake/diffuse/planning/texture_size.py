@@ -20,7 +20,7 @@ from skinbake.atlas.texel_coordinates import texel_xy
 from skinbake.bilinear import magnify_bilinear, read_bilinear
 from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.kernels.threads import thread_count
-from skinbake.numerics import Float, normalized
+from skinbake.numerics import Float, normalized, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.scene.decision import Decision
 from skinbake.scene.maps import SkinMaps
@@ -165,12 +165,16 @@ class _LitPatches:
     @cached_property
     def _total(self) -> float:
         """Mean square of the light, as a texture of the asked size would have it if nothing were blurred."""
-        return _mean_square(self._after * self._light(_SIDE))
+        return _mean_square(self._after * self._fine_light)
 
     @cached_property
     def _level(self) -> Image:
         """Mean light of each patch, which no size loses, and the window need not fade."""
-        return self._light(_SIDE).mean(axis=(0, 1))
+        return self._fine_light.mean(axis=(0, 1))
+
+    @cached_property
+    def _fine_light(self) -> Image:
+        return self._light(_SIDE)
 
     @cached_property
     def _after(self) -> Image:
@@ -187,12 +191,15 @@ class _LitPatches:
         across, slant = np.cross(mean, along), np.radians(_LIGHT_DEG)
         turned = np.cos(self._turn)[:, None] * along + np.sin(self._turn)[:, None] * across
         side = (np.cos(slant) * mean + np.sin(slant) * turned).astype(np.float32)
-        shade = np.einsum("yxkc,kc->yxk", normalized(_averaged(self._normal, count)), side)
-        return light * (np.maximum(shade, 0) / np.float32(np.cos(slant)))[..., None]
+        normal = _averaged(self._normal, count)
+        length = np.sqrt(np.einsum("yxkc,yxkc->yxk", normal, normal))
+        shade = safe_div(np.einsum("yxkc,kc->yxk", normal, side), length)
+        return light * (np.maximum(shade, 0) / np.cos(slant)).astype(np.float32)[..., None]
 
     def _maps_seen(self, count: int) -> Image:
         """What the maps show of themselves at `count` texels a side, in the middle of the patches."""
-        return self._after * self._blurred(self._light(count) - self._level, self._weights)
+        light = self._fine_light if count == _SIDE else self._light(count)
+        return self._after * self._blurred(light - self._level, self._weights)
 
     def _edge_seen(self, count: int) -> Image:
         """What leaves white skin about the edge of a shadow on each patch, of light of 1."""
