@@ -40,7 +40,7 @@ from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import SceneSpec
 
-PLAIN = 0.5  # of what may be left out of light through thin parts: less is left out by what few texels say
+PLAIN = 0.8  # of what may be left out of light through thin parts: few texels come within 0.04 of what all say
 LIKELY_LOBES = 6  # before the profile is fitted
 # (kind of result, digest of each light by name, how to make those of some names) -> values by name
 Remember = Callable[[Kind, Mapping[str, str], Make], Mapping[str, Values]]
