@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from skinbake.numerics import Float
+from skinbake.profile.dipole import albedo_of_total
 from skinbake.profile.fresnel import boundary_factor
 from skinbake.profile.gaussian_sum import GaussianSum
 from skinbake.profile.layers import Layer
@@ -54,19 +55,11 @@ def effective_medium(gaussians: GaussianSum, reflectance_rgb: Float, eta: float 
     eta : float
         Index of the medium over that of air.
     """
-    from scipy.optimize import brentq
-
     boundary = boundary_factor(eta)
     sigma_a, sigma_sp = np.zeros(3), np.zeros(3)
     for c in range(3):
         target = float(np.clip(reflectance_rgb[c], 0.01, 0.98))
-
-        def dipole_total(log_absorbed: float, target: float = target) -> float:
-            absorbed = np.exp(log_absorbed)
-            x, b = np.sqrt(3 * absorbed), 4 * boundary / 3
-            return (1 - absorbed) / 2 * (np.exp(-x) + np.exp(-x * (1 + b))) - target
-
-        absorbed = float(np.exp(brentq(dipole_total, np.log(1e-12), np.log(1 - 1e-9))))
+        absorbed = 1 - albedo_of_total(target, boundary)
         # -4 d/d(s^2) of ln R~ at s = 0, in free paths: sources at depth 1 and 1 + 4A/3
         depth = np.array([1.0, 1 + 4 * boundary / 3])
         decay = np.sqrt(3 * absorbed)

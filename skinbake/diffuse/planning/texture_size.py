@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft2, rfft2
 
 from skinbake.atlas import Tiled, local_uv, tile_of_face, uv_jacobian
 from skinbake.atlas.sample import shrink
@@ -214,6 +213,8 @@ class _LitPatches:
         light : ndarray
         weights : ndarray of shape (N, 3), (N, K, 3) or (N, S, S, K, 3)
         """
+        from scipy.fft import rfft2
+
         count = len(light)
         spectrum = rfft2(light * _window(count), axes=(0, 1), workers=thread_count())
         passed = [self._passed(variance, count)[..., None] for variance in self._variance_mm2]
@@ -312,6 +313,8 @@ def _averaged(values: Image, count: int) -> Image:
 
 def _magnified(spectrum: NDArray[np.complexfloating], count: int) -> Image:
     """The image of a spectrum, read at all texels of the patches, (S, S, K, C)."""
+    from scipy.fft import irfft2
+
     image = irfft2(spectrum, (count, count), axes=(0, 1), workers=thread_count())
     read = magnify_bilinear(np.ascontiguousarray(image.reshape(count, count, -1), np.float32), (_SIDE, _SIDE))
     return read.reshape(_SIDE, _SIDE, *image.shape[2:])

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from skinbake.numerics import Float, normalized
 from skinbake.scene.mesh import SkinMesh
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 POINTS = 20000  # of the skin
 EACH = 5  # of them, one in so many is compared with what lies about it
@@ -54,6 +57,8 @@ def guess_orientation(mesh: SkinMesh) -> Orientation:
     Ears lie along the axis about which the skin is its own mirror image. Of the other two the head is taller than deep.
     The neck is where the widest opening is, the face where normals vary most.
     """
+    from scipy.spatial import cKDTree
+
     points, normal = _scattered(mesh)
     extent = np.ptp(mesh.positions_mm, axis=0)
     tree = cKDTree(points)
@@ -123,6 +128,8 @@ def _rim_middle(mesh: SkinMesh) -> Float | None:
 
 def _roughness(points: Float, normal: Float) -> float:
     """Mean angle, as a chord, between the normals of neighbouring points: large about eyes, nose and mouth."""
+    from scipy.spatial import cKDTree
+
     points, normal = points[::EACH], normal[::EACH]
     if len(points) < 5:
         return 0.0
