@@ -96,12 +96,12 @@ def add_magnified(image: NDArray[np.float32], weight: NDArray[np.float32], out: 
         Added to.
     """
     (rows, down), (cols, right) = (
-        _between(size, count) for size, count in zip(out.shape, image.shape[:2], strict=False)
+        between(size, count) for size, count in zip(out.shape, image.shape[:2], strict=False)
     )
     _add(np.asarray(image, np.float32), (rows, down, cols, right), np.asarray(weight, np.float32), out)
 
 
-def _between(size: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def between(size: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """The lower of the two of `count` texels between which each of `size` texel centres lies, and the other's share."""
     if size == count:
         return np.arange(size), np.zeros(size, np.float32)

@@ -72,12 +72,10 @@ class SharedSkin:
         if tree is None or tree.leaf.shape[1] != width:
             self._texels = None
             tree = self._texels = source_tree(lit, zeros=self._aside.zeros, rest=self._aside.rest)
-        elif self._of is not None and self._of() is owner:
-            return tree
-        else:
-            put_light(tree, lit, self._aside.rest)
+            self._aside.rest()  # what it was made of
+        elif self._of is None or self._of() is not owner:
+            put_light(tree, lit)  # the tree is read at once: without a rest, which would let go of it
         self._of = ref(owner)
-        self._aside.rest()  # what it was made of
         return tree
 
     def release_texels(self) -> None:

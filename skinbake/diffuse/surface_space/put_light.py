@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from skinbake.atlas import Tiled
-from skinbake.diffuse.surface_space.sources import LIGHT, ROOTS_AT_ONCE, SourceTree, Walked, put_source
+from skinbake.diffuse.surface_space.sources import LIGHT, SourceTree, put_source
 from skinbake.diffuse.surface_space.surface_light import LitTile
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES
 from skinbake.kernels.threads import parallel_for
 
 
-def put_light(tree: SourceTree, lit: Tiled[LitTile], rest: Callable[[], None] = lambda: None) -> None:
+def put_light(tree: SourceTree, lit: Tiled[LitTile]) -> None:
     """Give the sources of a tree other light, in place.
 
     Parameters
@@ -22,15 +20,9 @@ def put_light(tree: SourceTree, lit: Tiled[LitTile], rest: Callable[[], None] = 
     tree : SourceTree
     lit : Tiled of LitTile
         On the same points, of as many lights.
-    rest : callable, optional
-        As of `source_tree`.
     """
     for (walked, begin), tile in zip(tree.walked, lit.values(), strict=True):
-        for root in range(0, len(begin), ROOTS_AT_ONCE):
-            part = slice(root, root + ROOTS_AT_ONCE)
-            mine = Walked(walked.order[part], walked.counts[part])
-            parallel_for(_put_light, len(mine.order), mine, tile, begin[part], tree.leaf)
-            rest()
+        parallel_for(_put_light, len(begin), walked, tile, begin, tree.leaf)
 
 
 @kernel

@@ -28,7 +28,7 @@ from skinbake.numerics import Zeros
 NORMAL, NARROWING, AMPLITUDE, LIGHT = 3, 6, 7, 8  # rows of a leaf; x y z come first
 _FAR2 = np.float32(64)  # squared distance to the next source, in areas of the larger: beyond a leaf's own skin
 _NOWHERE = np.float32(1e18)
-ROOTS_AT_ONCE = 1024  # 2048 x 2048 texels
+_ROOTS_AT_ONCE = 1024  # 2048 x 2048 texels
 _ZERO = np.float32(0)
 
 
@@ -120,8 +120,8 @@ def source_tree(
     done, walked = 0, []
     for points, light, pyramid, order, count in walks:
         begin = (total[done : done + len(count)] - count)[:, 1]
-        for root in range(0, len(order), ROOTS_AT_ONCE):
-            part = slice(root, root + ROOTS_AT_ONCE)
+        for root in range(0, len(order), _ROOTS_AT_ONCE):
+            part = slice(root, root + _ROOTS_AT_ONCE)
             mine, into = Walked(order[part], count[part]), _Leaves(begin[part], leaf, box)
             parallel_for(_write, len(mine.order), mine, points, light, (pyramid, np.float32(variance_mm2)), into)
             rest()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import FIRST_TILE, Tiles, coarser_atlas, coarser_size, interpolate, local_uv, tile_of_face
 from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.atlas.texel_coordinates import texel_xy
-from skinbake.bilinear import magnify_bilinear
+from skinbake.bilinear import between, magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.terms.flesh_form import decay_below
 from skinbake.diffuse.terms.mean_curvature import mean_curvature
@@ -284,24 +284,36 @@ def add_by_gain(gain: Image, factor: Float, image: Image, base: Image, out: Imag
         As of `multiply_by_gain`.
     image, base, out : ndarrays of shape (L, H, W, 3), float32
     """
-    parallel_for(_add, image.shape[1], gain, np.ascontiguousarray(factor), image, base, out)
+    (rows, down), (cols, right) = (
+        between(size, count) for size, count in zip(image.shape[1:3], gain.shape[:2], strict=True)
+    )
+    places = rows, down, cols, right
+    parallel_for(_add, image.shape[1], gain, places, np.ascontiguousarray(factor), (image, base, out))
 
 
 @kernel
-def _add(first, stop, gain, factor, image, base, out):  # type: ignore[no-untyped-def]
-    """`add_by_gain` of some rows.
+def _add(first, stop, gain, places, factor, images):  # type: ignore[no-untyped-def]
+    """`add_by_gain` of some rows, the gain read between its rows first.
 
     Parameters
     ----------
     first, stop : int
         Rows.
     gain : ndarray of shape (h, w, 3)
-    factor : ndarray of shape (n, 3)
-    image, base, out : ndarrays of shape (L, H, W, 3)
+    places : tuple of four ndarrays
+        Of the gain: lower rows (H,) and the share of the next, columns (W,) and the share of the next.
+    factor : ndarray of shape (STEPS + 1, 3)
+    images : tuple of three ndarrays of shape (L, H, W, 3)
+        `image`, `base` and `out`.
     """
-    h, w = gain.shape[:2]
-    lights, height, width = image.shape[:3]
+    (rows, down, cols, right), (image, base, out) = places, images
+    lights, _, width = image.shape[:3]
+    line = np.empty((gain.shape[1], 3), np.float32)
     for row in range(first, stop):
+        upper, lower, share = gain[rows[row]], gain[min(rows[row] + 1, len(gain) - 1)], down[row]
+        for k in range(len(line)):
+            for c in range(3):
+                line[k, c] = upper[k, c] + (lower[k, c] - upper[k, c]) * share
         for col in range(width):
             something = False
             for light in range(lights):
@@ -310,8 +322,8 @@ def _add(first, stop, gain, factor, image, base, out):  # type: ignore[no-untype
                     something |= image[light, row, col, c] != 0
             if not something:  # as beyond the charts
                 continue
-            around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
+            at, after = cols[col], min(cols[col] + 1, len(line) - 1)
             for c in range(3):
-                times = _factor_at(factor, c, bilinear(gain, c, around))
+                times = _factor_at(factor, c, line[at, c] + (line[after, c] - line[at, c]) * right[col])
                 for light in range(lights):
                     out[light, row, col, c] += image[light, row, col, c] * times

@@ -166,15 +166,17 @@ def _in_order(corner: Float) -> NDArray[np.int64]:
 
 def _neighbours_together(middle: Float) -> NDArray[np.int64]:
     """Order of points in which every aligned run of 2, 4, 8, ... is compact: halved across its longest extent."""
-    order = np.arange(len(middle))
-    run = 1 << max(len(middle) - 1, 1).bit_length()
+    count = len(middle)
+    order = np.arange(count)
+    run = 1 << max(count - 1, 1).bit_length()
     while run > 2:
-        place = np.arange(len(middle)) // run
-        first = np.arange(0, len(middle), run)
+        first = np.arange(0, count, run)
         at = middle[order]
         extent = np.maximum.reduceat(at, first) - np.minimum.reduceat(at, first)
-        along = at[np.arange(len(at)), extent.argmax(axis=1)[place]]
-        order = order[np.lexsort((along, place))]
+        along = np.full(len(first) * run, np.inf)  # the last run may lack some, which come last in it
+        along[:count] = at[np.arange(count), np.repeat(extent.argmax(axis=1), run)[:count]]
+        place = along.reshape(-1, run).argsort(axis=1, kind="stable") + first[:, None]
+        order = order[place.ravel()[:count]]
         run //= 2
     return order
 
