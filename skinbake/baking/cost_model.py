@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from skinbake.diffuse.terms.interreflection import COARSE_ERROR, COARSENESS, LEAST_RAYS, MOST_RAYS, Bounced, Receivers
 from skinbake.diffuse.terms.skin_view import RAYS
+from skinbake.profile.skin_medium import skin_medium
 from skinbake.relight.transfer import transfer_size
 from skinbake.scene.budget import Budget
 from skinbake.scene.spec import SceneSpec
@@ -21,6 +22,7 @@ SKIN_MM2 = 200_000.0  # of a head, more with its neck
 BOUNCED = 0.037  # of its light that skin sends to skin; heads
 NOISE = Bounced(BOUNCED, 0.018)
 A_RAY_S, A_RECEIVER_S = 0.42e-6, 1.6e-6  # of light from skin to skin: of a ray, and of a texel and a light
+A_LOBE_S, OWN_LIGHT = 1.25, 0.25  # of six lobes of a light, a megatexel; and what `terms.diffuse_profile` adds to them
 ALONE = 0.3  # of processor time, that one core works while the others wait
 START_S = 0.9  # of the process, until it reads
 
@@ -69,7 +71,7 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
         + directions**0.72 * (0.013 + 0.0075 * megatexels**0.75),
         "diffuse": 0.6
         + 3 * triangles
-        + 1.25 * (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 * _exactness(budget)
+        + _of_lobes(spec) * (0.5 + 0.5 * lights) * megatexels * work.lobes / 6 * _exactness(budget)
         + _between_skin(spec, budget, work),
         "preview": 1.0 + 0.35 * megatexels**0.7,
         "write": 0.02 + 0.25 * megatexels,
@@ -94,6 +96,12 @@ def _directions(asked: int | None, budget: Budget) -> float:
         return float(asked)
     ratio = 0.0076 / max(budget.sky, 1e-9)
     return float(min(max(256 * ratio ** (1.9 if ratio > 1 else 0.9), 16), 4096))
+
+
+def _of_lobes(spec: SceneSpec) -> float:
+    """Seconds of six lobes of one light, a megatexel: those with a light of their own make it, and what follows."""
+    own = spec.terms.diffuse_profile == "on" and bool(skin_medium(spec.skin).layers)
+    return A_LOBE_S * (1 + OWN_LIGHT * own)
 
 
 def _exactness(budget: Budget) -> float:

@@ -14,6 +14,7 @@ from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
 from skinbake.io.config import load_look
 from skinbake.scene.budget import budget_of
+from skinbake.scene.skin import BurleySkin
 from tests.conftest import ROOT
 
 WITHIN = 1.5
@@ -51,6 +52,18 @@ def test_more_to_do_takes_longer():
     assert total(spec, lobes=3) < total(spec) < total(spec, triangles=1_000_000)
     fewer = spec.model_copy(update={"lights": spec.lights[:1]})
     assert total(fewer) < total(spec)
+
+
+def test_lights_of_lobes_own_take_a_quarter_of_the_lobes_more():
+    """Where the skin says a medium: else the term changes nothing."""
+    own = load_look(ROOT / "configs" / "head_plain.yaml", ["skin.preset=jensen-skin1", "terms.diffuse_profile=on"])
+    without = own.model_copy(update={"terms": own.terms.model_copy(update={"diffuse_profile": "off"})})
+    more = total(own, lobes=6) - total(without, lobes=6)
+    lobes = total(without, lobes=6) - total(without, lobes=0)
+    assert more == pytest.approx(lobes / 4)
+    plain = own.model_copy(update={"skin": BurleySkin(model="burley", d_mm=(1.0, 0.5, 0.3))})
+    off = plain.model_copy(update={"terms": without.terms})
+    assert total(plain) == total(off)
 
 
 def test_more_skin_and_tighter_tolerances_send_more_rays():

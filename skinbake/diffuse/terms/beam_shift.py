@@ -81,8 +81,7 @@ class BeamShift:
             Of the texture; all of them by default.
         """
         source = emitter(light, self._occluder.centre_mm)
-        rows = np.arange(len(image)) if rows is None else rows
-        out = image[rows].copy()
+        rows, out = (np.arange(len(image)), image.copy()) if rows is None else (rows, image[rows])
         lost = np.zeros((len(rows), image.shape[1]), np.bool_)
         parallel_for(_read_upstream, len(rows), rows, self._skin_under(source), self._step, image, _Upstream(out, lost))
         at = np.argwhere(lost)
