@@ -18,7 +18,6 @@ from skinbake.atlas.sample import shrink
 from skinbake.atlas.texel_coordinates import texel_xy
 from skinbake.bilinear import magnify_bilinear, read_bilinear
 from skinbake.diffuse.skin_weights import SkinWeights
-from skinbake.kernels.threads import thread_count
 from skinbake.numerics import Float, normalized, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.scene.decision import Decision
@@ -213,10 +212,8 @@ class _LitPatches:
         light : ndarray
         weights : ndarray of shape (N, 3), (N, K, 3) or (N, S, S, K, 3)
         """
-        from scipy.fft import rfft2
-
         count = len(light)
-        spectrum = rfft2(light * _window(count), axes=(0, 1), workers=thread_count())
+        spectrum = np.fft.rfft2(light * _window(count), axes=(0, 1))
         passed = [self._passed(variance, count)[..., None] for variance in self._variance_mm2]
         if weights.ndim < 5:
             each = weights[:, None] if weights.ndim == 2 else weights
@@ -313,9 +310,7 @@ def _averaged(values: Image, count: int) -> Image:
 
 def _magnified(spectrum: NDArray[np.complexfloating], count: int) -> Image:
     """The image of a spectrum, read at all texels of the patches, (S, S, K, C)."""
-    from scipy.fft import irfft2
-
-    image = irfft2(spectrum, (count, count), axes=(0, 1), workers=thread_count())
+    image = np.fft.irfft2(spectrum, (count, count), axes=(0, 1))
     read = magnify_bilinear(np.ascontiguousarray(image.reshape(count, count, -1), np.float32), (_SIDE, _SIDE))
     return read.reshape(_SIDE, _SIDE, *image.shape[2:])
 
