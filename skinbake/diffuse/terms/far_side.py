@@ -168,26 +168,52 @@ def slant_factors(
     """
     table = weights.counted_rgb if counted else weights.plain_rgb
     step = np.log(weights.thickness_mm[1] / weights.thickness_mm[0])
-    k = np.log(np.maximum(far.depth_mm, 1e-6) / weights.thickness_mm[0]) / step
-    k = np.clip(np.where(np.isfinite(k), k, 0), 0, len(table) - 1.001)
-    low = k.astype(np.int64)
-    part = (k - low)[:, None]
-    everywhere = (1 - part) * table[low, -1] + part * table[low + 1, -1]
-    if light is None or light.everywhere:
-        return everywhere.astype(np.float32)
-    cosine = np.empty(len(far.face))
-    parallel_for(_cosines, len(cosine), sources_of(light, centre_mm), far.point, far.normal, cosine)
+    cosine = np.empty(0)
+    if light is not None and not light.everywhere:
+        cosine = np.empty(len(far.face))
+        parallel_for(_cosines, len(cosine), sources_of(light, centre_mm), far.point, far.normal, cosine)
+    out = np.empty((len(far.face), 3), np.float32)
+    parallel_for(_let_through, len(out), far.depth_mm, cosine, table, weights.thickness_mm[0], step, out)
+    return out
+
+
+@kernel
+def _let_through(first, stop, depth_mm, cosine, table, thinnest_mm, step, out):  # type: ignore[no-untyped-def]
+    """Weights of a table read between its rows, by thickness, and between its columns, by the cosine on the far side.
+
+    Parameters
+    ----------
+    first, stop : int
+        Places.
+    depth_mm : ndarray of shape (n,)
+    cosine : ndarray of shape (n,), or empty
+        Empty for light from everywhere.
+    table : ndarray of shape (t, m + 1, 3)
+        The last column is of light from everywhere, the others of cosines from 0 to 1.
+    thinnest_mm, step : float
+        Thickness of the first row, and the logarithm of the next one's over it.
+    out : ndarray of shape (n, 3), written
+    """
     nodes = table.shape[1] - 1
-    m = np.clip(cosine, 0, 1) * (nodes - 1)
-    left = np.minimum(m.astype(np.int64), nodes - 2)
-    across = (m - left)[:, None]
-    slanted = np.zeros((len(cosine), 3))
-    for i, share_k in ((low, 1 - part), (low + 1, part)):
-        for j, share_m in ((left, 1 - across), (left + 1, across)):
-            slanted += share_k * share_m * table[i, j]
-    direct = np.clip(cosine / FULL_COSINE, 0, 1)[:, None]
-    direct = direct * direct * (3 - 2 * direct)
-    return (direct * slanted + (1 - direct) * everywhere).astype(np.float32)
+    for place in range(first, stop):
+        k = np.log(max(depth_mm[place], 1e-6) / thinnest_mm) / step
+        k = min(max(k, 0.0), len(table) - 1.001) if np.isfinite(k) else 0.0
+        low = int(k)
+        part = k - low
+        direct = 0.0
+        if len(cosine):
+            m = min(max(cosine[place], 0.0), 1.0) * (nodes - 1)
+            left = min(int(m), nodes - 2)
+            across = m - left
+            direct = min(max(cosine[place] / FULL_COSINE, 0.0), 1.0)
+            direct = direct * direct * (3 - 2 * direct)
+        for c in range(3):
+            value = (1 - direct) * ((1 - part) * table[low, nodes, c] + part * table[low + 1, nodes, c])
+            if direct > 0:
+                near = (1 - across) * table[low, left, c] + across * table[low, left + 1, c]
+                far = (1 - across) * table[low + 1, left, c] + across * table[low + 1, left + 1, c]
+                value += direct * ((1 - part) * near + part * far)
+            out[place, c] = value
 
 
 @kernel
