@@ -15,7 +15,7 @@ from skinbake.irradiance.punctual_light import towards
 from skinbake.irradiance.slant import sources_of
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float, normalized
+from skinbake.numerics import Float
 from skinbake.scene.lights import LightSpec
 from skinbake.scene.mesh import SkinMesh
 
@@ -101,21 +101,72 @@ def far_side(occluder: Occluder, mesh: SkinMesh, point: Image, normal: Image, wa
         Unit directions of the rays about the inward normal.
     """
     start, inward = inwards(occluder, point, normal)
-    start, point = np.repeat(start, len(ways), axis=0), np.repeat(point, len(ways), axis=0)
-    along, inward = np.tile(ways[:, 2], len(inward)), _turned(inward, ways)
-    child, in_1, in_2, distance = occluder.first_hit(start, inward)
-    levels = occluder.subdivided.levels
-    face, b1, b2 = ascend(child.astype(np.int64), in_1.astype(np.float64), in_2.astype(np.float64), levels)
-    barycentric = np.stack([1 - b1 - b2, b1, b2], axis=1)
-    uv = np.einsum("nk,nki->ni", barycentric, mesh.corner_uv[face])
-    there = normalized(np.einsum("nk,nki->ni", barycentric, mesh.corner_normal[face]))
-    opposed = np.clip((there * inward).sum(axis=1), 0, 1)
-    missed = child < 0
-    opposed[missed] = 0
-    way = np.where(missed, 0, distance.astype(np.float64))[:, None]
-    place = start + way * inward
-    thickness = np.where(missed, np.inf, np.linalg.norm(place - point, axis=1))
-    return FarSide(np.where(missed, -1, face), uv, thickness, opposed, place, there, thickness * along)
+    start, inward = np.repeat(start, len(ways), axis=0), _turned(inward, ways)
+    *hits, distance = occluder.first_hit(start, inward)
+    count = len(inward)
+    far = FarSide(
+        np.empty(count, np.int64),
+        np.empty((count, 2)),
+        np.empty(count),
+        np.empty(count),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty(count),
+    )
+    along = np.ascontiguousarray(ways[:, 2])
+    rays, of_mesh = (
+        (np.asarray(point, np.float32), start, inward, distance, along),
+        (mesh.corner_uv, mesh.corner_normal),
+    )
+    parallel_for(_leave, count, tuple(hits), rays, of_mesh, occluder.subdivided.levels, tuple(far[:-1]))
+    return far
+
+
+@kernel
+def _leave(first, stop, hits, rays, of_mesh, levels, far):  # type: ignore[no-untyped-def]
+    """Write where rays leave the flesh.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rays.
+    hits : tuple of three ndarrays of shape (n R,)
+        Triangles of the smooth surface, -1 for none, and barycentrics 1 and 2.
+    rays : tuple of ndarrays of shapes (n, 3), (n R, 3), (n R, 3), (n R,) and (R,)
+        Points that they begin at, where they start beneath those, directions, ways to where they leave, and the
+        cosines between the rays of a point and its inward normal.
+    of_mesh : tuple of ndarrays of shapes (F, 3, 2) and (F, 3, 3)
+        UVs and normals of corners.
+    levels : int
+        Of the smooth surface.
+    far : tuple of ndarrays, written
+        Fields of `FarSide`.
+    """
+    children, in_1, in_2 = hits
+    point, start, inward, distance, along = rays
+    corner_uv, corner_normal = of_mesh
+    face, uv, thickness_mm, opposed, place, normal, depth_mm = far
+    for k in range(first, stop):
+        missed = children[k] < 0
+        of, b1, b2 = ascend(max(np.int64(children[k]), 0), np.float64(in_1[k]), np.float64(in_2[k]), levels)
+        b0 = 1 - b1 - b2
+        for axis in range(2):
+            uv[k, axis] = b0 * corner_uv[of, 0, axis] + b1 * corner_uv[of, 1, axis] + b2 * corner_uv[of, 2, axis]
+        length2 = 0.0
+        for axis in range(3):
+            n = b0 * corner_normal[of, 0, axis] + b1 * corner_normal[of, 1, axis] + b2 * corner_normal[of, 2, axis]
+            normal[k, axis] = n
+            length2 += n * n
+        length, cosine, through2 = np.sqrt(length2), 0.0, 0.0
+        for axis in range(3):
+            normal[k, axis] = normal[k, axis] / length if length > 0 else 0.0
+            cosine += normal[k, axis] * inward[k, axis]
+            place[k, axis] = start[k, axis] + (0.0 if missed else np.float64(distance[k])) * inward[k, axis]
+            through2 += (place[k, axis] - point[k // len(along), axis]) ** 2
+        face[k] = -1 if missed else of
+        opposed[k] = 0.0 if missed else min(max(cosine, 0.0), 1.0)
+        thickness_mm[k] = np.inf if missed else np.sqrt(through2)
+        depth_mm[k] = thickness_mm[k] * along[k % len(along)]
 
 
 def _turned(inward: Image, ways: Float) -> Image:
@@ -173,12 +224,12 @@ def slant_factors(
         cosine = np.empty(len(far.face))
         parallel_for(_cosines, len(cosine), sources_of(light, centre_mm), far.point, far.normal, cosine)
     out = np.empty((len(far.face), 3), np.float32)
-    parallel_for(_let_through, len(out), far.depth_mm, cosine, table, weights.thickness_mm[0], step, out)
+    parallel_for(_let_through, len(out), far.depth_mm, cosine, table, (weights.thickness_mm[0], step), out)
     return out
 
 
 @kernel
-def _let_through(first, stop, depth_mm, cosine, table, thinnest_mm, step, out):  # type: ignore[no-untyped-def]
+def _let_through(first, stop, depth_mm, cosine, table, rows, out):  # type: ignore[no-untyped-def]
     """Weights of a table read between its rows, by thickness, and between its columns, by the cosine on the far side.
 
     Parameters
@@ -190,11 +241,11 @@ def _let_through(first, stop, depth_mm, cosine, table, thinnest_mm, step, out): 
         Empty for light from everywhere.
     table : ndarray of shape (t, m + 1, 3)
         The last column is of light from everywhere, the others of cosines from 0 to 1.
-    thinnest_mm, step : float
-        Thickness of the first row, and the logarithm of the next one's over it.
+    rows : tuple of 2 floats
+        Thickness of the first row, mm, and the logarithm of the next one's over it.
     out : ndarray of shape (n, 3), written
     """
-    nodes = table.shape[1] - 1
+    nodes, (thinnest_mm, step) = table.shape[1] - 1, rows
     for place in range(first, stop):
         k = np.log(max(depth_mm[place], 1e-6) / thinnest_mm) / step
         k = min(max(k, 0.0), len(table) - 1.001) if np.isfinite(k) else 0.0

@@ -79,24 +79,61 @@ def _place(first, stop, shown, texels, skin, point, normal):  # type: ignore[no-
         point[k, 0], point[k, 1], point[k, 2] = point_of(skin.subdivided, face, np.float64(b[0]), np.float64(b[1]))
 
 
-def ascend(child: Index, b1: Float, b2: Float, levels: int) -> tuple[Index, Float, Float]:
-    """Face of the mesh and place in it of places in triangles of the smooth surface: the inverse of `descend`.
+@kernel
+def ascend(child, b1, b2, levels):  # type: ignore[no-untyped-def]
+    """Face of the mesh and place in it of a place in a triangle of the smooth surface: the inverse of `descend`.
 
     Parameters
     ----------
-    child : ndarray of shape (n,)
-    b1, b2 : ndarrays of shape (n,)
+    child : int
+    b1, b2 : float
         Barycentrics 1 and 2.
     levels : int
         Of the surface.
     """
     for _ in range(levels):
         corner, child = child % 4, child // 4
-        b1, b2 = (
-            np.select([corner == 0, corner == 1, corner == 2], [b1 / 2, (1 + b1) / 2, b1 / 2], (1 - b1) / 2),
-            np.select([corner == 0, corner == 1, corner == 2], [b2 / 2, b2 / 2, (1 + b2) / 2], (1 - b2) / 2),
-        )
+        if corner == 3:
+            b1, b2 = (1 - b1) / 2, (1 - b2) / 2
+        else:
+            b1, b2 = (b1 + (corner == 1)) / 2, (b2 + (corner == 2)) / 2
     return child, b1, b2
+
+
+@kernel
+def _met(first, stop, hits, direction, surface, face, uv):  # type: ignore[no-untyped-def]
+    """Write the face and the UVs that rays meet from outside; NOTHING for the face of others.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rays.
+    hits : tuple of three ndarrays of shape (n,)
+        Triangles of the smooth surface, -1 for none, and barycentrics 1 and 2.
+    direction : ndarray of shape (n, 3)
+    surface : tuple of SubdividedMesh and ndarray of shape (F, 3, 2)
+        The one that rays meet, and the mesh's UVs.
+    face : ndarray of shape (n,), int64, written
+    uv : ndarray of shape (n, 2), float64, written
+    """
+    children, in_1, in_2 = hits
+    subdivided, corner_uv = surface
+    for k in range(first, stop):
+        child = np.int64(children[k])
+        face[k] = NOTHING
+        if child < 0:
+            continue
+        against = np.float32(0)
+        for axis in range(3):
+            against += subdivided.facing[child, axis] * direction[k, axis]
+        if against >= 0:
+            continue
+        of, b1, b2 = ascend(child, np.float64(in_1[k]), np.float64(in_2[k]), subdivided.levels)
+        face[k] = of
+        for axis in range(2):
+            uv[k, axis] = (
+                (1 - b1 - b2) * corner_uv[of, 0, axis] + b1 * corner_uv[of, 1, axis] + b2 * corner_uv[of, 2, axis]
+            )
 
 
 def locate_hits(
@@ -122,13 +159,11 @@ def locate_hits(
     """
     tile, texel = np.zeros(len(origin), np.int32), np.full(len(origin), NOTHING, np.int32)
     child, b1, b2, _ = occluder.first_hit(origin, direction)
-    met = np.flatnonzero(child >= 0)
-    front = (occluder.subdivided.facing[child[met]] * direction[met]).sum(axis=1) < 0
-    met = met[front]
-    face, c1, c2 = ascend(
-        child[met].astype(np.int64), b1[met].astype(np.float64), b2[met].astype(np.float64), occluder.subdivided.levels
-    )
-    uv = np.einsum("nk,nki->ni", np.stack([1 - c1 - c2, c1, c2], axis=1), mesh.corner_uv[face])
+    faces, places = np.empty(len(origin), np.int64), np.empty((len(origin), 2))
+    surface = occluder.subdivided, mesh.corner_uv
+    parallel_for(_met, len(faces), (child, b1, b2), direction, surface, faces, places)
+    met = np.flatnonzero(faces != NOTHING)
+    face, uv = faces[met], places[met]
     owner = tile_of_face(mesh)[face] if udim else None
     for k, number in enumerate(tiles_of(mesh, udim)):
         mine = np.arange(len(met)) if owner is None else np.flatnonzero(owner == number)
