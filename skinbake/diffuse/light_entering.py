@@ -34,6 +34,7 @@ from skinbake.irradiance.normal_map import shading_normals
 from skinbake.irradiance.oil_albedo import mean_specular_albedo, oil_table
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import SkySlant, Slant, apply_slant, decide_incidence, slant_of, slant_of_sky
+from skinbake.kernels.threads import for_slices
 from skinbake.machine import return_freed
 from skinbake.numerics import Float, Zeros
 from skinbake.profile import GaussianSum
@@ -281,11 +282,14 @@ def _area_sum(area_mm2: Image, colour: Image) -> Float:
     area_mm2 : ndarray of shape (H, W)
     colour : ndarray of shape (H, W, 3) or (1, 1, 3)
     """
-    total = np.zeros(3)
-    for first in range(0, len(area_mm2), _ROWS):
-        rows = slice(first, first + _ROWS)
+    sums = np.zeros((-(-len(area_mm2) // _ROWS), 3))
+
+    def add(rows: slice) -> None:
         weighted = area_mm2[rows, :, None] * (colour[rows] if len(colour) > 1 else colour)
-        total += weighted.sum(axis=(0, 1), dtype=np.float64)
+        sums[rows.start // _ROWS] = weighted.sum(axis=(0, 1), dtype=np.float64)
+
+    for_slices(add, len(area_mm2), _ROWS)
+    total: Float = sums.sum(axis=0)
     return total
 
 

@@ -261,4 +261,5 @@ def _at_middles(images: Image, shape: tuple[int, int]) -> Image:
         return np.asarray(images, np.float32)
     if height < shape[0] or width < shape[1]:
         return np.stack([magnify_bilinear(np.asarray(image, np.float32), shape) for image in images])
-    return np.asarray(images[:, middles(shape[0], height)][:, :, middles(shape[1], width)], np.float32)
+    rows, cols = middles(shape[0], height), middles(shape[1], width)
+    return np.asarray(images[:, rows[:, None], cols], np.float32)
