@@ -107,6 +107,8 @@ def command(
             f"{option}: expected --environment or --sun beside it, which it turns: a bake's own lights stand where "
             "they were baked"
         )
+    if turn == "light" and not turntable:
+        raise InputError("--turn light: expected --turntable N beside it, whose frames it is for")
     if movie:
         _refuse_movie(movie, turntable, png, parse_names(views))
     if not pictures and has_display():

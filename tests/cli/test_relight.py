@@ -92,6 +92,7 @@ def test_verbs_of_lights_say_that_there_are_none(look, capsys, verb):
         (["--sun", "0,0,1=-1"], "--sun 0,0,1=-1: expected X,Y,Z=R/G/B"),
         (["--rotate", "10"], "--rotate 10: expected --environment or --sun beside it"),
         (["--turn", "light"], "--turn light: expected --environment or --sun beside it"),
+        (["--environment", "studio", "--turn", "light"], "--turn light: expected --turntable N beside it"),
         (["--environment", "studio", "--compare"], "expected neither --lights"),
     ],
 )

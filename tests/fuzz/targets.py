@@ -87,6 +87,7 @@ diffusion: {method: surface, tolerance: 0.01, separate: true, normalise: false, 
 texturing: {mode: mix, mix: 0.5}
 specular: {f0: 0.028, roughness: 0.3, strength: 0.318}
 terms: {energy_conservation: on, transmission: off}
+relight: {textures: 16, basis: fitted, tolerance: 0.02, fewer: off}
 output: {dir: out, precision: half, compression: zip, lights: separate, seed: 7, tx: false}
 preview: {size: [64, 64], view: front, exposure: 1.0, background_rgb: [0, 0, 0]}
 """
@@ -146,7 +147,7 @@ RIGHT_OVERRIDES = (
     "texture.size=64", "lights.key.irradiance=[3, 2, 1]", "lights.1.intensity=[0, 0, 0]",
     "skin.layers[0].eta=1.3", "maps.albedo=x.png",
     "maps.albedo.path=y.png", "output.dir=elsewhere", "skin.fit={gaussians: 4}", "diffusion={}",
-    "lights.sky.path=a.hdr", "shadows=on",
+    "lights.sky.path=a.hdr", "shadows=on", "relight.fewer=false", "relight={textures: 25}",
 )  # fmt: skip
 
 
