@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class Lobe:
     def transmitted(self) -> bool:
         """Whether this is the light that comes through thin parts (`terms.transmission`), not a Gaussian's blur."""
         return self.method is None
+
+    def figured_as(self, other: Lobe) -> Lobe:
+        """These pixels, which are not copied, with the figures of another lobe."""
+        figures = {each.name: getattr(other, each.name) for each in fields(Lobe) if each.name != "rgb"}
+        return replace(self, **figures, rgb=dict(self.rgb))
 
 
 @dataclass(frozen=True)

@@ -101,6 +101,8 @@ def scatter(
     aside.rest()
     return_freed()
     known = partial(_by_digest, remember, entering.digests()) if remember else None
+    curved = entering.curved
+    bends = None if curved is None or curved.spreads_beams_alone else curved  # what it changes is not rounded before
     diffused = diffuse(
         entering.rgb,
         entering.names,
@@ -115,11 +117,10 @@ def scatter(
         beam=entering.beam,
         skin=skin,
         plan_for=base and base.gaussians,
-        # What curvature changes is not rounded before
-        aside=aside._replace(lobe=IN_MEMORY.lobe) if entering.curved else aside,
+        aside=aside._replace(lobe=IN_MEMORY.lobe) if bends else aside,
         everywhere=entering.everywhere,
     )
-    mean_albedo, plan, curved = entering.mean_albedo, entering.plan, entering.curved
+    mean_albedo, plan = entering.mean_albedo, entering.plan
     skin_light = entering.skin_light
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
     share, arrived = uniform_scatter(gaussians, spec.skin), None
@@ -157,10 +158,10 @@ def scatter(
         line = Decision("transmission", True, "found to be worth it")
     elif line is None:
         through, line = pass_through(thin=thin)
-    straight = even_share(diffused, thin, curved) if curved and through is not None and thin is not None else None
+    straight = even_share(diffused, thin, bends) if bends and through is not None and thin is not None else None
     thin = None  # its rays take more memory than a lobe
     return_freed()
-    lobes = curved.applied(diffused.lobes, straight) if curved else diffused.lobes
+    lobes = bends.applied(diffused.lobes, straight, aside.lobe) if bends else diffused.lobes
     if through is not None and arrived is not None and skin_light is not None:
         through = sent_on(through, lobes, arrived, diffused.lights, skin_light, spec, scene, gaussians, aside.rest)
     through = through and aside.lobe(through)

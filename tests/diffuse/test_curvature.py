@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,7 +49,7 @@ def test_a_ball_in_even_light_sends_back_the_gain():
     assert line.enabled
     lobes = even_lobes(gaussians)
     bent = curved.applied(lobes)
-    assert bent[0] is lobes[0]
+    assert bent[0].rgb[1001] is lobes[0].rgb[1001]
     np.testing.assert_array_equal(lobes[2].rgb[1001], 2.0)  # a copy was changed
     total = sum(np.asarray(lobe.weight_rgb) * np.median(lobe.rgb[1001][0], axis=(0, 1)) for lobe in bent)
     want = 2 * gaussians.weight_rgb.sum(axis=0) * curved_gain(SKIN, 1.4, np.array([1 / RADIUS]))[0]
@@ -78,6 +80,25 @@ def test_what_another_lobe_adds_is_taken_off():
     bent = curved.applied(even_lobes(gaussians), {1001: through})
     light = sum(np.asarray(lobe.weight_rgb) * lobe.rgb[1001][0].mean(axis=(0, 1)) for lobe in bent)
     np.testing.assert_allclose(light + 2 * 0.45 * total, 2 * 1.3 * total, rtol=2e-3)
+
+
+def test_lobes_of_the_same_pixels_are_put_aside_once():
+    """Two narrow ones that are the light itself keep one texture with figures of their own, the wide one another."""
+    gaussians, put = profile(), []
+    gain = np.full((4, 4, 3), 1.3, np.float32)
+    share = np.array([[0.0, 0, 0], [0, 0, 0], [1, 1, 1]])
+    curved = CurvedSkin({1001: gain}, {1001: gain}, gaussians.weight_rgb, share, MEDIUM.layers[0])
+
+    def aside(lobe):
+        put.append(lobe.rgb.pop(1001) / 2)
+        return replace(lobe, rgb={1001: put[-1]})
+
+    bent = curved.applied(even_lobes(gaussians), aside=aside)
+    assert len(put) == 2
+    assert bent[0].rgb[1001] is bent[1].rgb[1001]
+    np.testing.assert_array_equal(bent[0].rgb[1001], 1)
+    assert bent[2].rgb[1001].min() > 1
+    assert [lobe.variance_mm2 for lobe in bent] == gaussians.variance_mm2.tolist()
 
 
 def test_round_skin_holds_more_of_the_light_that_arrives():

@@ -5,7 +5,7 @@ See theory.md 9.8. What comes straight through thin parts is a lobe of its own (
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -104,7 +104,12 @@ class CurvedSkin:
             found[pick] = gain[row * width + col]
         return found
 
-    def applied(self, lobes: Sequence[Lobe], through: Mapping[int, Image] | None = None) -> tuple[Lobe, ...]:
+    def applied(
+        self,
+        lobes: Sequence[Lobe],
+        through: Mapping[int, Image] | None = None,
+        aside: Callable[[Lobe], Lobe] = lambda lobe: lobe,
+    ) -> tuple[Lobe, ...]:
         """The lobes of the profile, each times what the skin's form makes of it.
 
         Parameters
@@ -112,17 +117,23 @@ class CurvedSkin:
         lobes : sequence of Lobe
         through : mapping of int to ndarray of shape (h, w, 3), optional
             What of the gain in even light another lobe has, as a share of what a plane sends back.
+        aside : callable, optional
+            Takes each as soon as it is made and gives it as it is read again; may take its pixels out of it.
         """
-        factors, found = lobe_factors(self.weight, self.share), []
+        factors, found = lobe_factors(self.weight, self.share), list[Lobe]()
         gain = {tile: _less(image, through.get(tile) if through else None) for tile, image in self.gain.items()}
-        for lobe, share, factor in zip(lobes, self.share, factors, strict=True):
+        pixels = [tuple(map(id, lobe.rgb.values())) for lobe in lobes]
+        unchanged: dict[tuple[int, ...], Lobe] = {}  # several may be the light itself
+        for lobe, of, share, factor in zip(lobes, pixels, self.share, factors, strict=True):
             if share.max() < NARROW:
-                found.append(lobe)
+                if of not in unchanged:
+                    unchanged[of] = aside(lobe)
+                found.append(unchanged[of].figured_as(lobe))
                 continue
             rgb = {tile: np.array(image, np.float32) for tile, image in lobe.rgb.items()}
             for tile, image in rgb.items():
                 multiply_by_gain(gain[tile], factor, image)
-            found.append(replace(lobe, rgb=rgb))
+            found.append(aside(replace(lobe, rgb=rgb)))
         return tuple(found)
 
 
