@@ -59,7 +59,7 @@ def verdict(manifest: Mapping[str, Any]) -> str:
         wanted, rms, left = manifest["config"]["diffusion"]["tolerance"], error["rms"], error.get("left_wrong")
         within = "within" if is_within(max(rms, left or 0.0), wanted) else "beyond"
         off = (
-            f"off by {_percent(left)} in all, the blur by {_percent(rms)}"
+            f"off by {_percent(left)} from its own model, the blur by {_percent(rms)}"
             if left
             else f"the blur off by {_percent(rms)}"
         )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.numerics import Float
+from skinbake.numerics import Float, monotone_cubic
 from skinbake.profile.fresnel import reflectance_from_inside
 from skinbake.profile.medium import Medium
 
@@ -78,8 +78,6 @@ def slab_transport(medium: Medium, eta: float, thickness_mm: Float, nodes: int =
     ----------
     [vandeHulst1980]
     """
-    from scipy.interpolate import PchipInterpolator  # a fifth of a second to import
-
     if not eta >= 1:
         raise ValueError(f"eta: expected a number >= 1, got {eta}")
     thickness_mm = np.asarray(thickness_mm, np.float64)
@@ -95,7 +93,7 @@ def slab_transport(medium: Medium, eta: float, thickness_mm: Float, nodes: int =
         depth, found, back[:, c] = _ladders(streams, scattered / extinction, g, nodes, extinction * thickness_mm)
         # Between the thicknesses in the logarithm of both, where transmittance is nearly straight
         logarithm = np.log(np.maximum(found, 1e-300))
-        through[:, :, c] = np.exp(PchipInterpolator(np.log(depth), logarithm)(np.log(extinction * thickness_mm)))
+        through[:, :, c] = np.exp(monotone_cubic(np.log(depth), logarithm, np.log(extinction * thickness_mm)))
     return SlabTransport(thickness_mm, outside, through, back)
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinbake.numerics import Float
+from skinbake.numerics import Float, monotone_cubic
 from skinbake.profile.diffusion_profile import DiffusionProfile, as_radii
 from skinbake.profile.fit_nodes import AnnulusNodes
 
@@ -52,8 +52,6 @@ class TableProfile(DiffusionProfile):
         ValueError
             If a radius is negative or not finite.
         """
-        from scipy.interpolate import PchipInterpolator
-
         radius = as_radii(radius_mm)
         first, last = self.table_radius_mm[0], self.table_radius_mm[-1]
         inside = np.clip(radius, first, last)
@@ -61,9 +59,9 @@ class TableProfile(DiffusionProfile):
         for c in range(3):
             column = self.table_rgb[:, c]
             if (column > 0).all():
-                values[:, c] = np.exp(PchipInterpolator(self.table_radius_mm, np.log(column))(inside))
+                values[:, c] = np.exp(monotone_cubic(self.table_radius_mm, np.log(column), inside))
             else:
-                values[:, c] = PchipInterpolator(self.table_radius_mm, column)(inside)
+                values[:, c] = monotone_cubic(self.table_radius_mm, column, inside)
         return np.where((radius > last)[:, None], 0.0, values)
 
     @property

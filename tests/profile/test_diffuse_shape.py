@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from scipy.special import j1
 
 from skinbake.profile import GaussianSum, fit_skin
-from skinbake.profile.diffuse_shape import LEAST, MOST, diffuse_factors, shape_ratio
+from skinbake.profile.diffuse_shape import LEAST, MOST, diffuse_factors, least_squares_within, shape_ratio
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
 from skinbake.profile.transport import trace_layers
@@ -89,3 +90,15 @@ def test_what_has_no_shape_is_left():
     part = diffuse_factors(profile([[0.1, 0.1, 0.1], *WEIGHT], [0.0, 0.05, 0.5, 4.0]), layer(1.4))
     assert (part[0] == 1).all()
     np.testing.assert_allclose(part[1:], diffuse_factors(profile(WEIGHT), layer(1.4)))
+
+
+def test_bounds_are_kept_where_they_are_met():
+    """Else it is the plain solution: that of scipy, which loads slowly, either way."""
+    rng = np.random.default_rng(2)
+    rows, wanted = rng.normal(size=(9, 4)), rng.normal(size=9)
+    free = np.linalg.lstsq(rows, wanted)[0]
+    for most in (2 * np.abs(free).max(), 0.5 * np.abs(free).max()):
+        found = least_squares_within(rows, wanted, -most, most)
+        np.testing.assert_allclose(found, lsq_linear(rows, wanted, (-most, most)).x, rtol=1e-12)
+        assert np.abs(found).max() <= most
+    assert np.abs(found - free).max() > 0.1 * most  # the bounds were met
