@@ -5,7 +5,7 @@ import pytest
 
 from skinbake.atlas import rasterize
 from skinbake.diffuse.terms.bounced_light import add_at_full_size, bounced_light
-from skinbake.diffuse.terms.interreflection import decide_interreflection
+from skinbake.diffuse.terms.interreflection import decide_interreflection, texels_by_area
 from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.irradiance.occluder import Occluder
 from skinbake.scene.mesh import SkinMesh
@@ -172,3 +172,16 @@ def test_bounces_below_one_are_refused():
     view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 8.0, 8)
     with pytest.raises(ValueError, match="bounces"):
         bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)], 0)
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (31, 20), (70, 33)])
+def test_texels_by_area_stand_for_as_much_each(shape):
+    """Those that sums up to every texel give, none without area; of nothing there is nothing."""
+    rng = np.random.default_rng(shape[0])
+    area = (rng.uniform(0, 2, shape) * (rng.uniform(size=shape) < 0.7)).astype(np.float32)
+    whole, flat = texels_by_area(area, 500)
+    reached = np.cumsum(area.ravel(), dtype=np.float64)
+    np.testing.assert_allclose(whole, reached[-1], rtol=1e-12)
+    np.testing.assert_array_equal(flat, np.searchsorted(reached, (np.arange(500) + 0.5) / 500 * reached[-1]))
+    assert (area.ravel()[flat] > 0).all()
+    assert texels_by_area(np.zeros(shape, np.float32), 5)[0] == 0

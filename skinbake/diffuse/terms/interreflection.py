@@ -33,6 +33,7 @@ ESTIMATED, ESTIMATE_RAYS = 4000, 16  # texels and rays by which `auto` decides
 # is bounced on two heads, of texels of 0.8 and 0.5 mm; with what those are too coarse by .03
 FINEST, NEIGHBOURS_FROM, NEIGHBOURS_ERROR = 0.6, 64, 0.075
 _OTHER_TURN = 7919
+_ROWS = 32  # of the texture, whose area is summed at a time
 _ALL = np.ones(3, np.float32)
 
 
@@ -162,11 +163,9 @@ def decide_interreflection(
     arrived, bounced, apart = np.zeros((3, len(names)))
     height, width = atlas[0].shape
     for number, (raster, image) in enumerate(zip(atlas, light, strict=True)):
-        area = np.cumsum(raster.area_mm2.ravel(), dtype=np.float64)
-        if area[-1] <= 0:
+        area_mm2, flat = texels_by_area(raster.area_mm2, ESTIMATED)
+        if area_mm2 <= 0:
             continue
-        places = (np.arange(ESTIMATED) + 0.5) / ESTIMATED * area[-1]
-        flat = np.minimum(np.searchsorted(area, places), len(area) - 1)
         rows, cols = np.divmod(flat, width)
         point, normal = skin_points(raster, mesh, occluder, rows, cols)
         zero = np.zeros_like(flat)
@@ -188,7 +187,7 @@ def decide_interreflection(
         colour = (np.broadcast_to(reflected[number], (height, width, 3))[rows, cols] * gain).astype(np.float64)
         direct = image[:, rows, cols] * colour
         got *= colour[:, None]
-        share = area[-1] / len(flat)
+        share = area_mm2 / len(flat)
         arrived += share * (direct**2).sum(axis=(1, 2))
         # The product of two halves is, on average, the square without the rays' own noise
         bounced += share * (got[:, :, 0] * got[:, :, 1]).sum(axis=(1, 2))
@@ -201,3 +200,27 @@ def decide_interreflection(
         found.append(Decision(f"{name}.interreflection", kept, why, 0.0 if kept else rms))
         shares.append(Bounced(rms, noise))
     return found, shares
+
+
+def texels_by_area(area_mm2: Image, count: int) -> tuple[float, Index]:
+    """All of the area, mm^2, and texels, (count,), of which each stands for as much of it, row by row.
+
+    By sums of rows, then within some rows at a time: sums up to every texel are memory that is touched once, which took
+    more than all the rays.
+
+    Parameters
+    ----------
+    area_mm2 : ndarray of shape (H, W)
+    count : int
+    """
+    height, width = area_mm2.shape
+    below = np.cumsum(area_mm2.sum(axis=1, dtype=np.float64))
+    places = (np.arange(count) + 0.5) / count * below[-1]
+    row = np.minimum(np.searchsorted(below, places), height - 1)
+    flat = np.empty(count, np.int64)
+    for first in range(0, height, _ROWS):
+        mine = slice(*np.searchsorted(row, (first, first + _ROWS)))
+        reached = np.cumsum(area_mm2[first : first + _ROWS].ravel(), dtype=np.float64)
+        reached += below[first - 1] if first else 0.0
+        flat[mine] = first * width + np.minimum(np.searchsorted(reached, places[mine]), len(reached) - 1)
+    return float(below[-1]), flat
