@@ -168,7 +168,8 @@ def light_entering(
         beams = bool(flat[1])
     curved, line = curve_skin(scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible, beams)
     if flat is None or curved is not None:
-        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, curved)
+        before = flat[0] if flat else ()
+        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, curved, before)
     shifts, shifted, lines = flat
     if curved and not shifted and curved.spreads_beams_alone:
         curved, line = None, formed_already(terms.curvature)

@@ -24,7 +24,7 @@ from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.diffuse_profile import HELD
 from skinbake.diffuse.terms.even_share import even_share
 from skinbake.diffuse.terms.skin_view import SkinView
-from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts
+from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts, slabs_of
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit, transmitted_lobe
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
@@ -132,7 +132,10 @@ def scatter(
     limit = sqrt(max(budget.tolerance**2 - spent**2, 0.0))
     tell("light through thin parts")
     of_skin = scene.mesh, gaussians, texture.size, texture.gutter, texture.udim, mean_albedo
-    look_behind = partial(ThinParts.of, *of_skin, scene.occluder, skin_medium(spec.skin), share, curved=curved)
+    of_medium = skin_medium(spec.skin), share
+    found = thin is not None
+    slabs = None if found or terms.transmission == "off" else slabs_of(gaussians, mean_albedo, *of_medium)
+    look_behind = partial(ThinParts.of, *of_skin, scene.occluder, *of_medium, curved=curved, slabs=slabs)
     times = entering.everywhere and entering.everywhere.times(entering.rgb)
     pass_through = partial(
         transmit,
@@ -146,7 +149,6 @@ def scatter(
         rest=aside.rest,
         times=times,
     )
-    found = thin is not None
     line = None if found else plainly_dark(terms.transmission, pass_through, look_behind)
     if line is None and terms.transmission != "off":
         thin = thin or look_behind()

@@ -29,7 +29,7 @@ from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.even_share import even_share
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
 from skinbake.diffuse.terms.skin_view import SkinView
-from skinbake.diffuse.terms.thin_parts import ThinParts
+from skinbake.diffuse.terms.thin_parts import ThinParts, slabs_of
 from skinbake.diffuse.terms.transmission import transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
@@ -216,10 +216,12 @@ class Scattering:
         if first and self.thin is None:
             laid_out = texture.size, texture.gutter, texture.udim
             of_skin = scene.mesh, self._gaussians, *laid_out, self._mean_albedo
-            look_behind = partial(ThinParts.of, *of_skin, scene.occluder, self._medium, scatter, curved=self._curved)
             assert spec.relight is not None
             # What shows beside what the textures leave wrong
             tolerance, switch = max(spec.diffusion.tolerance, spec.relight.tolerance), spec.terms.transmission
+            of_medium = self._medium, scatter
+            slabs = None if switch == "off" else slabs_of(self._gaussians, self._mean_albedo, *of_medium)
+            look_behind = partial(ThinParts.of, *of_skin, scene.occluder, *of_medium, curved=self._curved, slabs=slabs)
             pass_through = partial(
                 transmit, diffused, *of_skin, switch, tolerance, limit=self._terms_left(), scatter=scatter
             )

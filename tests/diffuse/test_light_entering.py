@@ -193,6 +193,17 @@ def test_what_a_beam_lights_stands_further_along():
     np.testing.assert_allclose(edge_mm - image[60].sum(axis=0) * 24.0 / size[0], -shift, atol=0.06)
     rows = np.arange(5, 240, 24)
     np.testing.assert_array_equal(upstream.read(light, image, rows), moved[rows])
+    room = np.empty_like(image)
+    for found in (
+        upstream.looked_at(light, image.astype(np.float16), rows, room),
+        upstream.curved(None).looked_at(light, np.zeros_like(image), rows, room),  # known by the light's name
+    ):
+        np.testing.assert_array_equal(found, [image[rows], moved[rows]])
+    bent = upstream.curved(np.full((4, 4, 3), 0.1, np.float32))
+    bent_there = bent.read(light, image, rows)
+    np.testing.assert_array_equal(bent.looked_at(light, image, rows, room)[1], bent_there)
+    assert (bent_there < moved[rows]).any()
+    np.testing.assert_array_equal(upstream.looked_at(light, image, rows, room)[1], moved[rows])
     of_index = BeamShift(raster, mesh, Occluder(mesh), False, 0, MEDIUM.layers[0].medium.free_path_mm, 1.6)
     nearer = of_index.read(light, image)[60].sum(axis=0) * 24.0 / size[0]
     np.testing.assert_allclose(nearer - image[60].sum(axis=0) * 24.0 / size[0], -shift / 1.6, atol=0.06)

@@ -28,7 +28,7 @@ def test_thin_parts_are_looked_for_in_full_only_where_a_few_texels_find_some(mon
     """A slab lit from below: thick and dark, it is looked through at a few texels; thin, at all of them, too."""
     asked, whole = [], ThinParts.of
 
-    def of(*skin, texel_mm=None, curved=None):
+    def of(*skin, texel_mm=None, curved=None, slabs=None):
         asked.append(texel_mm)
         return whole(*skin) if texel_mm is None else whole(*skin, texel_mm=texel_mm)
 

@@ -8,6 +8,7 @@ stand for light that came out again near where it entered; they keep the light a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -72,6 +73,7 @@ def decide_beams(
     gaussians: GaussianSum,
     medium: SkinMedium,
     curved: CurvedSkin | None,
+    before: Sequence[BeamShift] = (),
 ) -> tuple[list[BeamShift], set[str], list[Decision]]:
     """What shifts light, by tile, the lights that are shifted, and the plan's lines.
 
@@ -86,6 +88,8 @@ def decide_beams(
     medium : SkinMedium
     curved : CurvedSkin, optional
         Where curvature is counted.
+    before : sequence of BeamShift
+        What an earlier decision of the same light, with other curvature, gave.
     """
     switch = spec.terms.beam
     if switch == "off":
@@ -95,35 +99,29 @@ def decide_beams(
         return [], set(), [Decision("beam", False, f"{switch}: {free_path}")]
     wide = gaussians.variance_mm2 >= narrowest_mm2(free_path[0])
     share = float(gaussians.weight_rgb[wide].sum() / max(gaussians.weight_rgb.sum(), 1e-12))
-    shifts = [
-        BeamShift(
-            raster,
-            scene.mesh,
-            scene.occluder,
-            spec.texture.udim,
-            k,
-            *free_path,
-            curved.curvature_per_mm[raster.tile] if curved else None,
-        )
+    shifts = list(before) or [
+        BeamShift(raster, scene.mesh, scene.occluder, spec.texture.udim, k, *free_path)
         for k, raster in enumerate(atlas)
     ]
-    lines = []
+    if curved:
+        shifts = [s.curved(curved.curvature_per_mm[r.tile]) for s, r in zip(shifts, atlas, strict=True)]
+    lines, room = [], np.empty((*atlas[0].shape, 3), np.float32)
     for i, name in enumerate(irradiance[0].lights):
         light = next(of for of in spec.lights if of.name == name)
         if not has_beam(light):
             lines.append(Decision(f"{name}.beam", False, f"{switch}: its light has no one direction"))
             continue
         of_tiles = zip(atlas, shifts, irradiance, strict=True)
-        squares = [
-            moved_share(raster, shift, light, tile.rgb[i].astype(np.float32)) for raster, shift, tile in of_tiles
-        ]
+        squares = [moved_share(raster, shift, light, tile.rgb[i], room) for raster, shift, tile in of_tiles]
         moved, there = np.sum(squares, axis=0)
         lost = share * float(np.sqrt(moved / there)) if there > 0 else 0.0
         lines.append(_decide_beam(name, lost, switch, budget.terms_left(name)))
     return shifts, {line.term.removesuffix(".beam") for line in lines if line.enabled}, lines
 
 
-def moved_share(raster: AtlasRaster, shift: BeamShift, light: LightSpec, image: Image) -> tuple[float, float]:
+def moved_share(
+    raster: AtlasRaster, shift: BeamShift, light: LightSpec, image: Image, room: Image
+) -> tuple[float, float]:
     """Squares of the change and of the light, summed over a sample of a tile's skin.
 
     Parameters
@@ -133,12 +131,14 @@ def moved_share(raster: AtlasRaster, shift: BeamShift, light: LightSpec, image: 
         Of the tile.
     light : LightSpec
     image : ndarray of shape (H, W, 3)
-        Its light.
+        Its light, which may be halves.
+    room : ndarray of shape (H, W, 3), float32
+        As in `BeamShift.looked_at`.
     """
     rows = np.arange(LOOKED_AT // 2 % len(image), len(image), LOOKED_AT)
     area = raster.area_mm2[rows][..., None].astype(np.float64)
-    here = image[rows]
-    moved = shift.read(light, image, rows).astype(np.float64) - here
+    here, upstream = shift.looked_at(light, image, rows, room)
+    moved = upstream.astype(np.float64) - here
     return float((area * moved**2).sum()), float((area * here.astype(np.float64) ** 2).sum())
 
 

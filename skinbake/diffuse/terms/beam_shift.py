@@ -5,6 +5,7 @@ Upstream is found across the texture where that leads to the place that was mean
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -64,6 +65,7 @@ class BeamShift:
         self._raster, self._mesh, self._occluder = raster, mesh, occluder
         self._udim, self._number = udim, number
         self._reach_mm = free_path_mm / eta
+        self._looked: dict[str, tuple[Image, Image]] = {}
         self._corner = np.ascontiguousarray(mesh.corner_position_mm - occluder.centre_mm)
         # A step of one column is du = 1 / width, of one row dv = -1 / height
         self._step = np.ascontiguousarray(uv_jacobian(mesh) * np.array([1 / width, -1 / height])[:, None])
@@ -80,14 +82,50 @@ class BeamShift:
         rows : ndarray, optional
             Of the texture; all of them by default.
         """
-        source = emitter(light, self._occluder.centre_mm)
         rows, out = (np.arange(len(image)), image.copy()) if rows is None else (rows, image[rows])
+        self._read(light, image, rows, out)
+        return self._spread(light, rows, out)
+
+    def looked_at(self, light: LightSpec, image: Image, rows: Index, room: Image) -> tuple[Image, Image]:
+        """Light of some rows, and what `read` gives there, both (rows, W, 3); read once of a light of a name.
+
+        Parameters
+        ----------
+        light : LightSpec
+        image : ndarray of shape (H, W, 3)
+            Which may be halves.
+        rows : ndarray
+            The same at each call.
+        room : ndarray of shape (H, W, 3), float32
+            Written, where the light is not known yet: fresh memory for each light takes more than what is done here.
+        """
+        if light.name not in self._looked:
+            np.copyto(room, image)
+            here, upstream = room[rows], room[rows]
+            self._read(light, room, rows, upstream)
+            self._looked[light.name] = here, upstream
+        here, upstream = self._looked[light.name]
+        return here, self._spread(light, rows, upstream.copy())
+
+    def curved(self, curvature_per_mm: Image | None) -> BeamShift:
+        """The same on skin of a curvature, with what was looked at."""
+        other = copy(self)
+        other._curvature = curvature_per_mm
+        return other
+
+    def _read(self, light: LightSpec, image: Image, rows: Index, out: Image) -> None:
+        """Write light upstream as on a plane, where it is found."""
+        source = emitter(light, self._occluder.centre_mm)
         lost = np.zeros((len(rows), image.shape[1]), np.bool_)
         parallel_for(_read_upstream, len(rows), rows, self._skin_under(source), self._step, image, _Upstream(out, lost))
         at = np.argwhere(lost)
         if len(at):
             self._read_by_rays(source, rows, at, image, out)
+
+    def _spread(self, light: LightSpec, rows: Index, out: Image) -> Image:
+        """What curvature makes of light upstream, in place."""
         if self._curvature is not None:
+            source = emitter(light, self._occluder.centre_mm)
             parallel_for(_spread, len(rows), rows, self._skin_under(source), self._curvature, out)
         return out
 

@@ -80,6 +80,7 @@ class ThinParts(NamedTuple):
         scatter: float = 1.0,
         texel_mm: float = TEXEL_MM,
         curved: CurvedSkin | None = None,
+        slabs: tuple[SlabWeights, GaussianSum] | None = None,
     ) -> ThinParts:
         """Trace inwards from the texels of a texture.
 
@@ -91,12 +92,10 @@ class ThinParts(NamedTuple):
             Of the texels that are looked behind, about.
         curved : CurvedSkin, optional
             Where curvature is counted: round skin holds more of the light that arrives.
+        slabs : tuple of SlabWeights and GaussianSum, optional
+            What `slabs_of` made of the same skin: good for texels of any size.
         """
-        reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
-        if scatter < 1 or (gaussians.table is not None and gaussians.table.scatters):
-            weights, gaussians = _of_what_scatters(gaussians, reflectance, medium)
-        else:
-            weights = slab_weights(gaussians, reflectance, medium)
+        weights, gaussians = slabs or slabs_of(gaussians, albedo_rgb, medium, scatter)
         full_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
         coarse = 1 << transmitted_level(full_mm, texel_mm)
         small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
@@ -153,10 +152,20 @@ def _look_behind(
     return rows[near], cols[near], *far[:-1]
 
 
-def _of_what_scatters(
-    gaussians: GaussianSum, reflectance: Float, medium: SkinMedium | None
+def slabs_of(
+    gaussians: GaussianSum, albedo_rgb: Float, medium: SkinMedium | None = None, scatter: float = 1.0
 ) -> tuple[SlabWeights, GaussianSum]:
-    """What comes through of light that entered, and the Gaussians of that: the first, of no width, never did."""
+    """What slabs of the skin let through, and the Gaussians of what scatters in them.
+
+    Parameters
+    ----------
+    gaussians, albedo_rgb, medium, scatter
+        As of `transmit`.
+    """
+    reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
+    if not (scatter < 1 or (gaussians.table is not None and gaussians.table.scatters)):
+        return slab_weights(gaussians, reflectance, medium), gaussians
+    # Of light that entered: the first Gaussian, of no width, never did
     scattered = gaussians.weight_rgb[1:]
     whole = safe_div(scattered, scattered.sum(axis=0)) * gaussians.weight_rgb.sum(axis=0)
     inside = replace(gaussians, variance_mm2=gaussians.variance_mm2[1:], weight_rgb=whole, table=None)

@@ -299,7 +299,8 @@ def _gather(
 
 def _add_light(stored: Image, around: _Around, pick: Index, of: _OfLobe, out: Image, light: int) -> None:
     """Add what one light of a lobe, (L, h, w, 3), has at the places of a tile."""
-    texels = stored[light].reshape(-1, 3)[around.flat].astype(np.float32)  # few of many, which may be halves
+    # Few of many, which may be halves; indexing by an array takes 2.5 times as long
+    texels = np.take(stored[light].reshape(-1, 3), around.flat, axis=0).astype(np.float32, copy=False)
     mine = of._replace(less=of.less[light], factor=of.factor[light])
     parallel_for(_add_bilinear, len(pick), texels, around.share, pick, mine, out[light])
 
