@@ -111,5 +111,5 @@ def _error(manifest: dict[str, Any]) -> str:
     """The error of a look; of one whose lights a transfer shows, what is said of that."""
     found = manifest["error"] or {}
     if "rms" in found:
-        return f"in all {found['left_wrong']:.2%}, blur {found['rms']:.2%}"
+        return f"off by {found['left_wrong']:.2%} from its own model"
     return next((line["why"] for line in manifest["plan"] if line["term"] == "relight.reuse" and line["kept"]), "")

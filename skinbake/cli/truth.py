@@ -60,10 +60,10 @@ def command(
 
 FEW = 20  # points of a group that say little
 _LEGEND = """\
-Shares of each group's light. <3.5: lost in the noise of the walks, which is 3.5; more --walks say
-more. bias: by how much the bake is brighter. edges: within 3 mm of an edge of light, cast edges: of
-a cast shadow, thin: flesh below 8 mm, creases: where skin sees much skin. few: less than 20 points
-say little of such skin."""
+Shares of each group's light. A figure after < is the noise of the walks, in which the error is
+lost: more --walks say more. bias: by how much the bake is brighter. edges: within 3 mm of an edge
+of light, cast edges: of a cast shadow, thin: flesh below 8 mm, creases: where skin sees much skin.
+few: less than 20 points say little of such skin."""
 
 
 def _print(error: dict[str, Any], split: dict[str, Any]) -> None:

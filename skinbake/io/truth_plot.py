@@ -33,7 +33,7 @@ def write_truth_chart(
     InputError, MachineError
         The file cannot be written.
     """
-    with png_figure(path, DPI, figsize=(15 if split else 9, 5.5)) as figure:
+    with png_figure(path, DPI, figsize=(16 if split else 9, 5.5)) as figure:
         axes = figure.subplots(1, 2 if split else 1, squeeze=False)
         names = [f"{name}\n{found['points']} points" for name, found in error.items()]
         _bars(axes[0, 0], names, list(error.values()))
@@ -41,7 +41,7 @@ def write_truth_chart(
         axes[0, 0].set_ylabel("distance from light transport, rms %")
         axes[0, 0].legend(loc="upper left")
         if split:
-            shown = [name for name in ("all", "thin", "creases") if name in error]
+            shown = [name for name in ("all", "edges", "thin", "creases") if name in error]
             labels, bars = [], []
             for name in shown:
                 for term, share in split.items():

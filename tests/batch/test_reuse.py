@@ -93,7 +93,7 @@ def test_what_it_does_not_know_well_enough_is_baked(report):
         assert not line_of(folder, name)["kept"]
         manifest = json.loads((folder / "out" / name / "bake.json").read_text())
         assert [lobe["method"] for lobe in manifest["lobes"]] == ["surface", "surface"]
-        assert jobs[name]["note"].startswith("in all ")
+        assert jobs[name]["note"].startswith("off by ")
 
 
 def test_its_light_is_that_of_the_lights(report):

@@ -315,7 +315,7 @@ def test_info_lists_a_batch(here, folder, capsys):
     assert run(["info", str(folder / "out")]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].endswith("4 looks of looks.yaml")
-    assert re.fullmatch(r"  thin-day +done +in all 0\.\d\d%, blur 0\.\d\d%", lines[1])
+    assert re.fullmatch(r"  thin-day +done +off by 0\.\d\d% from its own model", lines[1])
     assert lines[3].split() == ["thick-day", "not", "run"]
 
 
@@ -324,7 +324,7 @@ def test_a_look_is_told_by_all_that_is_left_wrong(here, folder):
     job = batch(folder, "--only", "thin-day", "--set", "terms.interreflection=off")["thin-day"]
     error = read_manifest(folder / "out" / "thin-day")["error"]
     assert job["measured"]["left_wrong"] == error["left_wrong"] > error["rms"] == job["measured"]["blur"]["rms"]
-    assert job["note"] == f"in all {error['left_wrong']:.2%}, blur {error['rms']:.2%}"
+    assert job["note"] == f"off by {error['left_wrong']:.2%} from its own model"
 
 
 @pytest.mark.parametrize(
