@@ -35,12 +35,12 @@ import numpy as np
 from numba import types
 from numba.core import config, event
 from numba.core.caching import _Cache
-from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.extending import is_jitted
 
 from skinbake.interrupt import undone_at_stop
+from skinbake.kernels.stored_code import runnable
 from skinbake.kernels.watch_compiling import tell_watchers
 
 _KEPT_DAYS = 30
@@ -321,7 +321,6 @@ class _KernelCache(_Cache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled kernel for these types of arguments, or None: a missing or damaged entry."""
-        target_context.refresh()
         if not self._enabled:
             return None
         name = self._entry(sig, target_context.codegen())
@@ -330,7 +329,7 @@ class _KernelCache(_Cache):
             if data is not None:
                 # An entry that is whole and yet does not load names something that is gone: compiled anew
                 with contextlib.suppress(Exception):
-                    return CompileResult._rebuild(target_context, *pickle.loads(data))
+                    return runnable(target_context, pickle.loads(data))
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:

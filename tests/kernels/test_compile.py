@@ -161,6 +161,26 @@ def test_two_copies_of_the_code_share_the_machine_code(tmp_path):
     assert python(RUN.format(x=1), tmp_path / "b", cache)[2:] == ["1", "1"]
 
 
+def test_a_kernel_is_compiled_from_stored_ones(tmp_path):
+    """What it calls was loaded before, and is taken in by its bitcode."""
+    (tmp_path / "library.py").write_text(LIBRARY)
+    cache = tmp_path / "cache"
+    python(RUN.format(x=1.0), tmp_path, cache)
+    (entry,) = (each for each in entries(cache) if each.name.startswith("library.user-"))
+    entry.unlink()
+    called = RUN.format(x=1.0) + "print(l.called(1.0), *(sum(k.values()) for k in l.called.stats[1:]))"
+    assert python(called, tmp_path, cache) == ["4.0", "7.0", "0", "1", "3.0", "1", "0"]
+
+
+def test_stored_kernels_load_no_compiler(tmp_path):
+    """numba's lists of what can be called in kernels take a quarter of a second."""
+    (tmp_path / "library.py").write_text(LIBRARY)
+    loaded = "; import sys; print('numba.cpython.randomimpl' in sys.modules)"
+    for at, fills in enumerate(("True", "False")):
+        found = python(RUN.format(x=1.0).strip() + loaded, tmp_path, tmp_path / "cache")
+        assert found[2:] == [str(1 - at)] * 2 + [fills]
+
+
 def test_fields_of_named_tuples_are_told_apart(tmp_path):
     """The kernel reads `pair.a`: the same types in another order are other machine code."""
     cache = tmp_path / "cache"
