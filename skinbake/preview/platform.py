@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes.util
 import importlib
+import importlib.util
 import os
 import sys
 from types import ModuleType
@@ -83,16 +84,28 @@ def headless_context() -> Any:
 
 
 def import_pyrender() -> None:
-    """Import pyrender without its window, which brings pyglet, Tk and imageio: .4 s of a processor, for nothing."""
+    """Import pyrender without its window and without all of trimesh but its matrices: .8 s of a processor, for nothing.
+
+    The window brings pyglet, Tk and imageio; trimesh brings graphs, trees and solvers, and pyrender calls them for
+    meshes of trimesh alone.
+    """
     if "pyrender" in sys.modules:
         return
-    unused: Any = ModuleType("pyrender.viewer")
-    unused.Viewer = None
-    sys.modules[unused.__name__] = unused
+    window: Any = ModuleType("pyrender.viewer")
+    window.Viewer = None
+    stand_ins = {window.__name__: window}
+    spec = importlib.util.find_spec("trimesh")
+    if "trimesh" not in sys.modules and spec is not None:
+        package: Any = ModuleType("trimesh")
+        package.__path__ = spec.submodule_search_locations  # what lies in it can be imported
+        stand_ins["trimesh"] = package
+    sys.modules.update(stand_ins)
     try:
         importlib.import_module("pyrender")
     finally:
-        del sys.modules[unused.__name__]
+        for name in stand_ins:
+            for loaded in [each for each in sys.modules if each == name or each.startswith(f"{name}.")]:
+                del sys.modules[loaded]
 
 
 def release_context(platform: Any) -> None:

@@ -40,15 +40,18 @@ def test_a_users_own_choice_stays(monkeypatch):
 
 
 @linux
-def test_pictures_need_no_library_of_windows():
-    """pyglet and Tk are not imported for them, and can be afterwards, as can pyrender's own window."""
+def test_pictures_need_no_library_of_windows_nor_of_meshes():
+    """pyglet, Tk and trimesh are not imported for them, and can be afterwards, as can pyrender's own window."""
     code = """
 import sys
 from skinbake.preview.draw import OffscreenRenderer
 from skinbake.preview.platform import import_pyrender
 import_pyrender()
 import skinbake.preview.renderer
-print(sorted({"pyglet", "tkinter", "imageio", "pyrender.viewer"} & set(sys.modules)), "pyrender" in sys.modules)
+unwanted = {"pyglet", "tkinter", "imageio", "pyrender.viewer", "trimesh"}
+print(sorted(unwanted & set(sys.modules)), "pyrender" in sys.modules)
+import trimesh
+print(trimesh.creation.box().is_watertight)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[] True"
+    assert done.stdout.split() == ["[]", "True", "True"]
