@@ -16,7 +16,7 @@ from skinbake.irradiance.scene_data import SceneData
 from skinbake.preview.scene import PreviewLobe, PreviewScene, Texture
 from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.decision import Decisions
-from skinbake.scene.maps import IMAGES
+from skinbake.scene.maps import IMAGES, SkinMaps
 from skinbake.scene.spec import SceneSpec
 from skinbake.stored_precision import as_stored
 
@@ -44,6 +44,7 @@ def scene_of(
     result: DiffuseMap,
     table: WeightTable | None,
     separate: bool = False,
+    halves: SkinMaps | None = None,
 ) -> PreviewScene:
     """What `read_bake_folder` would read, without waiting for the files.
 
@@ -59,6 +60,8 @@ def scene_of(
         Of the profile.
     separate : bool
         Each light on its own, as a window wants them, instead of their sum.
+    halves : SkinMaps, optional
+        The maps as half floats, where they are there already.
     """
     precision = spec.output.precision
     lobes = tuple(
@@ -79,11 +82,12 @@ def scene_of(
         {tile.tile: as_stored(tile.visibility[..., None], precision)[..., 0] for tile in irradiance},
         table,
         separate,
+        halves,
     )
 
 
 def stand_in_of(
-    spec: SceneSpec, decisions: Decisions, scene: SceneData, tiles: Sequence[int], lobes: int
+    spec: SceneSpec, decisions: Decisions, scene: SceneData, tiles: Sequence[int], lobes: int, with_maps: bool = False
 ) -> PreviewScene:
     """A scene that the same shader draws as that of `scene_of`, with textures of one texel.
 
@@ -95,14 +99,18 @@ def stand_in_of(
     tiles : sequence of int
     lobes : int
         How many there will be, as far as is known.
+    with_maps : bool
+        Maps are whole.
     """
     lights, maps = len(spec.lights), scene.maps
-    small: dict[str, Any] = {n: {tile: image[:1, :1] for tile, image in getattr(maps, n).items()} for n in IMAGES}
+    if not with_maps:
+        small: dict[str, Any] = {n: {tile: image[:1, :1] for tile, image in getattr(maps, n).items()} for n in IMAGES}
+        maps = replace(maps, **small)
     lobe = PreviewLobe({tile: np.zeros((1, 1, 1, 3), np.float16) for tile in tiles}, (0, 0, 0), 1.0)
     return _scene(
         spec,
         decisions,
-        replace(scene, maps=replace(maps, **small)),
+        replace(scene, maps=maps),
         (lobe,) * lobes,
         {tile: np.zeros((lights, 1, 1, 3), np.float16) for tile in tiles},
         {tile: np.zeros((lights, 1, 1), np.float16) for tile in tiles},
@@ -118,6 +126,7 @@ def _scene(
     visibility: Mapping[int, Texture],
     table: WeightTable | None = None,
     separate: bool = False,
+    halves: SkinMaps | None = None,
 ) -> PreviewScene:
     return PreviewScene(
         scene.mesh,
@@ -125,7 +134,7 @@ def _scene(
         lobes,
         irradiance,
         visibility,
-        half_maps(scene.maps),
+        halves or half_maps(scene.maps),
         spec.texturing,
         spec.specular,
         decisions.energy_conservation.enabled,

@@ -32,7 +32,7 @@ class PreviewWorker:
     """Draws the picture of a bake; a context manager.
 
     All on one thread, since an OpenGL context belongs to one. While textures are computed, it makes everything ready
-    that needs none: libraries, context, mesh and shader.
+    that needs none: libraries, context, mesh, shader, and maps if they are there.
     """
 
     def __init__(self) -> None:
@@ -49,19 +49,37 @@ class PreviewWorker:
             done.set_exception(fault)
         return done
 
-    def prepare(self, stand_in: PreviewScene, look: PreviewSpec) -> None:
-        """Begin, without waiting; faults are told by `draw`. What `stand_in` has not as in the end costs a shader."""
+    def prepare(self, make_stand_in: Callable[[], PreviewScene], look: PreviewSpec) -> None:
+        """Begin, without waiting; faults are told by `draw`.
+
+        Parameters
+        ----------
+        make_stand_in : callable
+            What it has not as in the end costs a shader, and images that are not those of the end are sent anew.
+        look : PreviewSpec
+        """
 
         def ready() -> OffscreenRenderer:
+            stand_in = make_stand_in()
             renderer = OffscreenRenderer(stand_in)
             try:
-                renderer.draw(view(stand_in.mesh, look.view, 1.0), (1, 1))  # compiles
+                renderer.draw(view(stand_in.mesh, look.view, 1.0), (1, 1))  # compiles, and sends the images
             except BaseException:
                 renderer.close()
                 raise
             return renderer
 
         self._renderer = self._do(ready)
+
+    def stand_in(self) -> PreviewScene | None:
+        """What was prepared, once it is; None where nothing was.
+
+        Raises
+        ------
+        MachineError
+            There is no OpenGL.
+        """
+        return self._renderer.result().scene if self._renderer else None
 
     def draw(
         self, scene: PreviewScene, look: PreviewSpec, sent: Callable[[], None] = lambda: None

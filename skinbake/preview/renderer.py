@@ -157,6 +157,8 @@ class SkinRenderer(Renderer):
     def set_scene(self, scene: PreviewScene, sent: Callable[[], None] = lambda: None) -> None:
         """Draw another scene from now on, with other textures on the same mesh.
 
+        Images that are the very same arrays as before are not sent again.
+
         Parameters
         ----------
         scene : PreviewScene
@@ -175,8 +177,7 @@ class SkinRenderer(Renderer):
         self.set_lights(scene.lights)
         self._check_units()
         for tile, textures in self._textures.items():
-            textures.delete()
-            self._textures[tile] = TileTextures(scene, tile, self._shared, sent)
+            self._textures[tile] = TileTextures(scene, tile, self._shared, sent, textures)
         self._folded.delete()
         self._folded = SummedLobes()
 

@@ -164,7 +164,12 @@ class TileTextures:
     """
 
     def __init__(
-        self, scene: PreviewScene, tile: int, shared: Mapping[str, int], sent: Callable[[], None] = lambda: None
+        self,
+        scene: PreviewScene,
+        tile: int,
+        shared: Mapping[str, int],
+        sent: Callable[[], None] = lambda: None,
+        before: TileTextures | None = None,
     ) -> None:
         maps, self.tile, self._sent, self._most = scene.maps, tile, sent, scene.most_texels
         lobes = {f"lobe_{i}": lobe.rgb[tile] for i, lobe in enumerate(scene.lobes)}
@@ -186,10 +191,21 @@ class TileTextures:
             self._images["open_sky"] = scene.open_sky[tile]
         self._normal_kind = maps.normal_strength, maps.normal_space
         self._first = _first_of_same(self._images)
-        self._own: dict[str, int] = {}
+        self._own = self._taken_from(before) if before else {}
         self._shared = shared  # of all tiles; whoever gave it may change it
         self.names = (*self._images, *self._shared)
         self.has_normal_map = tile in maps.normal
+
+    def _taken_from(self, before: TileTextures) -> dict[str, int]:
+        """Textures of the very same images that `before` has sent; it frees its others, and is of no use any more."""
+        same = before._normal_kind == self._normal_kind and before._most == self._most
+        kept = {
+            name: before._own.pop(name)
+            for name in list(before._own)
+            if same and name in self._images and _place(self._images[name]) == _place(before._images[name])
+        }
+        before.delete()
+        return kept
 
     def texture(self, name: str) -> int:
         """OpenGL name of a sampler's texture; sending it binds it to the active unit."""
@@ -224,8 +240,12 @@ def _first_of_same(images: Mapping[str, NDArray[np.floating]]) -> dict[str, str]
     """For each lobe, the first one of the very same pixels: several may be the light itself, which is sent once."""
     first: dict[tuple[object, ...], str] = {}
     lobes = {name: image for name, image in images.items() if name.startswith("lobe_")}
-    return {name: first.setdefault((image.ctypes.data, image.shape, image.strides, image.dtype), name)
-            for name, image in lobes.items()}  # fmt: skip
+    return {name: first.setdefault(_place(image), name) for name, image in lobes.items()}
+
+
+def _place(image: NDArray[np.floating]) -> tuple[object, ...]:
+    """The same for two images of the same memory."""
+    return image.ctypes.data, image.shape, image.strides, image.dtype
 
 
 def upload_oil_albedo(specular: SpecularSpec) -> int:

@@ -9,6 +9,7 @@ from skinbake.errors import InputError, MachineError
 from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.oil_layer import kelemen_brdf
 from skinbake.numerics import normalized
+from skinbake.preview import textures
 from skinbake.preview.camera import view
 from skinbake.preview.draw import OffscreenRenderer, draw
 from skinbake.preview.mode import Mode
@@ -143,6 +144,26 @@ def test_textures_may_come_when_all_else_is_ready(renderer):
             assert got.rgba.tobytes() == want.rgba.tobytes()
         with pytest.raises(ValueError, match="same mesh"):
             later.set_scene(scene())
+
+
+def test_maps_are_sent_once_for_two_scenes_that_have_the_same(renderer, monkeypatch):
+    """Lobes are sent anew, and a normal map of another strength is."""
+    sent, send = [], textures.upload_levels
+    monkeypatch.setattr(textures, "upload_levels", lambda levels, most: sent.append(len(levels)) or send(levels, most))
+    whole = renderer.scene
+    camera = view(whole.mesh, "three-quarter", 1.0)
+    lobe = PreviewLobe({1001: np.zeros((len(LIGHTS), 1, 1, 3), np.float16)}, (1.0, 1.0, 1.0), 0.0)
+    with OffscreenRenderer(replace(whole, lobes=(lobe,) * len(whole.lobes))) as later:
+        later.draw(camera, (32, 32))
+        assert len(sent) == 1
+        later.set_scene(whole)
+        assert later.draw(camera, (64, 64)).rgba.tobytes() == renderer.draw(camera, (64, 64)).rgba.tobytes()
+        assert len(sent) == 1
+        bumpy = replace(whole, maps=replace(whole.maps, normal_strength=2.0))
+        later.set_scene(bumpy)
+        picture = later.draw(camera, (64, 64)).rgba
+        assert len(sent) == 2
+    assert picture.tobytes() == draw(bumpy, camera, (64, 64)).rgba.tobytes()
 
 
 def test_near_and_far_views_follow_one_another(renderer):

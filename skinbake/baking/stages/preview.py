@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,6 +39,7 @@ class PreviewStage(Stage[Pixels, bool]):
         super().__init__(timer)
         self._inputs, self._results, self._worker = inputs, results, worker
         self._stages = stages
+        self._with_maps = False  # whether the worker was given the maps
 
     def key(self) -> str:
         """Digest of everything the look says and reads, and of the lobes."""
@@ -50,7 +52,11 @@ class PreviewStage(Stage[Pixels, bool]):
             inputs = self._inputs
             through = inputs.spec.terms.transmission != "off"  # likely: a lobe more
             count = len(self._stages.profile.result().variance_mm2) + through
-            stand_in = stand_in_of(inputs.spec, inputs.decisions, inputs.scene(), inputs.tiles, count)
+            # Maps are in memory twice from then on: at their own size a bake's peak would be higher
+            self._with_maps = inputs.spec.texture.size != inputs.asked.texture.size
+            stand_in = partial(
+                stand_in_of, inputs.spec, inputs.decisions, inputs.scene(), inputs.tiles, count, self._with_maps
+            )
             self._worker.prepare(stand_in, inputs.spec.preview)
 
     def load(self) -> bool | None:
@@ -62,7 +68,9 @@ class PreviewStage(Stage[Pixels, bool]):
         inputs = self._inputs
         lobes = self._results.lobe_totals(self._stages.diffuse.result())
         table, irradiance = self._stages.profile.result().table, self._stages.irradiance.result()
-        scene = scene_of(inputs.spec, inputs.decisions, inputs.scene(), irradiance, lobes, table)
+        prepared = self._worker.stand_in() if self._with_maps else None
+        halves = prepared.maps if prepared else None
+        scene = scene_of(inputs.spec, inputs.decisions, inputs.scene(), irradiance, lobes, table, halves=halves)
         inputs.close()  # mesh, maps and raster: a quarter of a gigabyte that nothing yet to come has use for
         self._stages.raster.close()
         self._results.spool.rest()
