@@ -76,9 +76,9 @@ class Task:
         return max(now - self.begun - self.away, 0.0)
 
     def share(self, now: float) -> float | None:
-        """How much of it is done, 0 ... 1; None where nobody knows."""
+        """How much of it is done, 0 ... 1; None where nobody knows: of what is counted, until the first is done."""
         if self.total:
-            return min(self.done / self.total, 1.0)
+            return min(self.done / self.total, 1.0) if self.done else None
         return min(self.spent(now) / self.seconds, LATE) if self.seconds else None
 
     def left(self, now: float) -> float | None:

@@ -23,7 +23,7 @@ class BakeSession:
     ----------
     cache : Cache or None
     on_event : callable
-        Told when a stage begins and when it has ended.
+        Told when a stage begins, where it is, and when it has ended.
     keep : bool
         Whether another look may follow that has use for this one's mesh and raster.
     base : BlurBase, optional

@@ -40,7 +40,7 @@ class StageLog:
     verbosity : int
         0 tells nothing on stderr, 1 a line a stage, 2 more.
     on_event : callable
-        Told when a stage begins and when it has ended.
+        Told when a stage begins, where it is, and when it has ended.
 
     Attributes
     ----------
@@ -117,10 +117,11 @@ class StageLog:
             yield lambda: None
 
     def note(self, text: str) -> None:
-        """Say where a stage is: beside its bar, and with much verbosity in a line."""
+        """Say where a stage is: beside its bar, to who listens, and with much verbosity in a line."""
         self._end_part()
         self._part = text, time.perf_counter()
         self.progress.note(text)
+        self.on_event({"event": "note", "text": text})
         self.say(f"    {text}", 2)
 
     def _end_part(self) -> None:

@@ -31,7 +31,8 @@ class BatchProgress:
         self.total, self.workers = total, workers
         self.ended = 0
         self.begun: dict[str, float] = {}
-        self.running: dict[str, str] = {}
+        self.running: dict[str, list[str]] = {}  # where a look is baked, then its stages, one inside the other
+        self.notes: dict[str, str] = {}  # where the innermost of them is
         self.start = time.monotonic()
         self._progress, self._shown = Progress(not console.quiet), ExitStack()
         self._task: Any = None
@@ -50,9 +51,10 @@ class BatchProgress:
         kind = event["event"]
         if kind == "begin":
             self.begun[name] = time.monotonic()
-            self.running[name] = event.get("host", "")
-        elif kind == "stage" and name in self.running:
-            self.running[name] = STAGES.get(event["stage"], event["stage"])
+            self.running[name] = [event.get("host", "")]
+            self.notes.pop(name, None)
+        elif kind in ("stage", "stage end", "note") and name in self.running:
+            self._move(name, event)
         elif kind == "again":
             self._progress.line(f"{name}: {event['why']}; trying again")
         elif kind == "wait":
@@ -60,12 +62,29 @@ class BatchProgress:
         elif kind == "end":
             self._end(name, event)
         if self._task is not None:
-            self._task.note = ", ".join(f"{look} {stage}".strip() for look, stage in self.running.items())
+            self._task.note = ", ".join(map(self._state, self.running))
+
+    def _move(self, name: str, event: dict[str, Any]) -> None:
+        """Note what a job has begun, or has done."""
+        self.notes.pop(name, None)
+        if event["event"] == "stage":
+            self.running[name].append(STAGES.get(event["stage"], event["stage"]))
+        elif event["event"] == "stage end":
+            # Of a process that was lost, an end may still come once another one has begun
+            self.running[name][1:] = self.running[name][1:-1]
+        else:
+            self.notes[name] = event["text"]
+
+    def _state(self, name: str) -> str:
+        """Where a job is, in words."""
+        at = f"{name} {self.running[name][-1]}".strip()
+        return f"{at}: {self.notes[name]}" if name in self.notes else at
 
     def _end(self, name: str, event: dict[str, Any]) -> None:
         """Show that a job has ended, and how."""
         self.ended += 1
         self.running.pop(name, None)
+        self.notes.pop(name, None)
         if self._task is not None:
             self._task.done = self.ended
         text = f"[{self.ended:>{len(str(self.total))}}/{self.total}] {name:<28} {WORDS[event['status']]}"

@@ -50,7 +50,7 @@ class FinalBake:
                 kind, value = "died", worker.last_words()
                 self._worker = None
             if kind == "event":
-                self._task.note = WORDS.get(value.get("stage", ""), "")
+                self._task.note = value.get("text") or WORDS.get(value.get("stage", ""), "")
                 continue
             worker.name = ""
             self._hide()
