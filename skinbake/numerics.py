@@ -60,6 +60,14 @@ def normalized(vectors: ArrayLike) -> Float:
     return safe_div(vectors, np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
+def memory_of(values: NDArray[Any]) -> object:
+    """What holds the memory that an array is a view of."""
+    base: object = values
+    while isinstance(base, np.ndarray | memoryview):
+        base = base.base if isinstance(base, np.ndarray) else base.obj
+    return base
+
+
 def stacked(images: Sequence[NDArray[Any]], zeros: Zeros = np.zeros) -> NDArray[Any]:
     """Images of one shape one behind the other, (L, ...), of the type that holds them all.
 

@@ -20,6 +20,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from skinbake.kernels.threads import for_slices
 from skinbake.machine import MappedMemory, make_pages
+from skinbake.numerics import memory_of
 
 Kind = TypeVar("Kind", bound=np.generic)
 _SMALLEST = 1 << 20  # bytes: less is not worth a file
@@ -91,13 +92,13 @@ class Spool:
 
     def keep(self, values: NDArray[Kind]) -> NDArray[Kind]:
         """The same values, to be read from a file as they are asked for; the same array where it is one already."""
-        if self._folder is None or values.nbytes < _SMALLEST or isinstance(_memory_of(values), mmap.mmap):
+        if self._folder is None or values.nbytes < _SMALLEST or isinstance(memory_of(values), mmap.mmap):
             return values
         values = np.ascontiguousarray(values)
         kept = self._file(values.nbytes, clear=False)
         if kept is None:
             return values
-        content = _memory_of(kept)
+        content = memory_of(kept)
         assert isinstance(content, mmap.mmap)
         for begin in range(0, values.nbytes, _AT_ONCE):  # four times as fast as `write`
             part = slice(begin, min(begin + _AT_ONCE, values.nbytes))
@@ -117,7 +118,7 @@ class Spool:
     def rest_of(self, *arrays: NDArray[Any]) -> None:
         """As `rest`, of some arrays alone: others may be in use."""
         for each in arrays:
-            content = _memory_of(each)
+            content = memory_of(each)
             if isinstance(content, mmap.mmap):
                 content.madvise(mmap.MADV_DONTNEED)
 
@@ -228,14 +229,6 @@ def _map(content: mmap.mmap, address: int, size: int, large: bool) -> None:
             content.madvise(mmap.MADV_DONTNEED, part.start, part.stop - part.start)
 
     for_slices(some, size, _MAPPED)
-
-
-def _memory_of(values: NDArray[Any]) -> object:
-    """What holds the memory that an array is a view of."""
-    base: object = values
-    while isinstance(base, np.ndarray | memoryview):
-        base = base.base if isinstance(base, np.ndarray) else base.obj
-    return base
 
 
 def _watch(of: ref[Spool], most_read: int) -> None:

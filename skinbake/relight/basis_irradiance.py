@@ -18,7 +18,7 @@ from skinbake.irradiance.surface import texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, broadcast, load, mul_add, store
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float
+from skinbake.numerics import Float, Zeros
 from skinbake.relight.open_sky import OpenSky
 from skinbake.scene.spec import SpecularSpec
 
@@ -109,6 +109,7 @@ def basis_irradiance(
     passage: Passage,
     light: Image,
     texels: NDArray[np.int64] | None = None,
+    zeros: Zeros = np.zeros,
 ) -> Image:
     """Irradiance of some lights that shine from the sky's directions.
 
@@ -126,6 +127,8 @@ def basis_irradiance(
         Radiance of each light from each direction times the part of the sphere, 4 pi / D.
     texels : ndarray of shape (n,), optional
         row * W + col of those that are wanted.
+    zeros : callable, optional
+        Makes the array that comes back.
 
     Returns
     -------
@@ -135,7 +138,7 @@ def basis_irradiance(
     surface = texel_surface(raster, scene.mesh, scene.maps, passage.specular, scene.occluder)
     height, width = raster.shape
     chosen = np.flatnonzero(raster.addressed) if texels is None else texels
-    out = np.zeros((light.shape[1], height * width if texels is None else len(texels), 3), np.float32)
+    out = zeros((light.shape[1], height * width if texels is None else len(texels), 3), np.float32)
     parallel_for(
         _gather,
         len(chosen),

@@ -29,6 +29,7 @@ from skinbake.relight.harmonics import harmonics, harmonics_of_sky
 from skinbake.relight.judge_basis import DirectBake, judge_basis
 from skinbake.relight.light_error import KindError
 from skinbake.relight.open_sky import OpenSky, open_sky, small_size, visibility_harmonics
+from skinbake.relight.passing_images import let_go, passing_zeros
 from skinbake.relight.scattering import Scattering
 from skinbake.relight.seen_skin import seen_skin
 from skinbake.relight.unseen_lights import choosing_skies, unseen_lights
@@ -267,17 +268,19 @@ def _scattered(
     at_once = _lit_at_once(atlas, basis)
     for start in range(0, len(basis) + 1, at_once):
         some = columns[:, start : start + at_once]
-        lit = {raster.tile: basis_irradiance(raster, scene, sky, passage, some) for raster in atlas}
+        lit = {r.tile: basis_irradiance(r, scene, sky, passage, some, zeros=passing_zeros) for r in atlas}
         for begin in range(0, some.shape[1], AT_ONCE):
             number = start + begin - 1  # of the first of these lights; even light comes before all
             say(f"relighting: scattering {min(number + AT_ONCE, len(basis))} of {len(basis)}")
-            made = scattering.exitance({tile: images[begin : begin + AT_ONCE] for tile, images in lit.items()})
-            for tile, images in made.items():
+            batch = {tile: images[begin : begin + AT_ONCE] for tile, images in lit.items()}
+            for tile, images in scattering.exitance(batch).items():
+                let_go(batch[tile])
                 even.setdefault(tile, images[0].copy())
                 for k, image in enumerate(images, number):
                     if k >= 0:
                         image -= np.float32(lifted[k]) * even[tile]
                         keep_light(out[tile], basis, k, image)
+            del images, image  # or they would be in memory beside the next ones
     return out
 
 

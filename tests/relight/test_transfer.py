@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 
 import pytest
@@ -10,8 +11,10 @@ import skinbake
 from skinbake.diffuse import add_bounces
 from skinbake.diffuse.terms.thin_parts import FEW_MM, TEXEL_MM
 from skinbake.errors import MachineError
+from skinbake.irradiance import sky_points
 from skinbake.relight import scattering, transfer
 
+light_texels = importlib.import_module("skinbake.irradiance.light_texels")  # the package has its function
 LEFT = (("interreflection", r"worth it from ([\d.]+)%"), ("transmission", r"\(rms ([\d.]+)%\)$"))
 
 
@@ -57,6 +60,24 @@ def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
     # Few texels first; all of them for the textures, and once more for all lights that judge these
     through = "relight.transmission" in {line.term for line in made.plan if line.enabled}
     assert calls == [FEW_MM, *[TEXEL_MM] * 2 * through]
+
+
+def test_skies_that_judge_trace_nothing_for_their_plans(baked, monkeypatch):
+    """They say how many directions they take: the rays that plan a look's own sky are never asked for."""
+    planned, plan = [], light_texels.plan_environment
+    monkeypatch.setattr(light_texels, "plan_environment", lambda light, *of: planned.append(light) or plan(light, *of))
+    monkeypatch.setattr(sky_points, "scattered_origins", lambda *_: pytest.fail("a sky's plan traces rays of its own"))
+    baked("relight.textures=4", "terms.energy_conservation=off")
+    assert [light.name for light in planned] == ["sky-0", "soft-box-0", "sky-0-again", "soft-box-0-again"]
+
+
+def test_each_light_s_memory_goes_back_once_its_texture_is_made(baked, monkeypatch):
+    """Irradiance of all lights is the most that a transfer holds: no part of it outlasts its use."""
+    let, once = [], transfer.let_go
+    monkeypatch.setattr(transfer, "let_go", lambda images: let.append(len(images)) or once(images))
+    made = baked("relight.textures=9", "terms.energy_conservation=off")
+    assert _textures(made) == 9
+    assert sum(let) == 2 * (9 + 1)  # with even light, at the textures' size and at the judging one
 
 
 @pytest.mark.parametrize(("of_look", "of_relight", "said"), [(0.01, 0.02, "10.0%"), (0.05, 0.02, "25.0%")])
