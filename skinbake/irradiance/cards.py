@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas.texel_coordinates import texel_xy
+from skinbake.irradiance.embree import Triangles
 from skinbake.scene.casters import OPAQUE, Casters
 
 Vectors = NDArray[np.float32]
@@ -25,18 +26,12 @@ class Cards:
     """
 
     def __init__(self, positions: Vectors, casters: Casters) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
         chosen = casters.image != OPAQUE
         self._corner_uv = casters.corner_uv[chosen]
         self._image = casters.image[chosen]
         self._pictures = casters.opacity
         self._spacing = np.spacing(np.abs(positions).max(initial=1.0)) * SPACINGS
-        self._scene = EmbreeScene(robust=True)
-        self._triangles = TriangleMesh(self._scene, positions, np.ascontiguousarray(casters.faces[chosen]))
-        nothing = np.zeros((1, 3), np.float32)
-        self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
+        self._triangles = Triangles((positions, casters.faces[chosen]))
 
     def blocked(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Whether each ray is stopped by the cards, shape (n,): with the probability that `transmitted` leaves.
@@ -59,7 +54,7 @@ class Cards:
         origin, direction, reach
             As of `blocked`; one direction serves all rays.
         """
-        return np.asarray(self._scene.run(origin, direction, reach, query="OCCLUDED") != -1)
+        return self._triangles.occluded(origin, direction, reach)
 
     def transmitted(self, origin: Vectors, direction: Vectors, reach: NDArray[np.float32]) -> NDArray[np.float32]:
         """Share of light that passes all cards along each ray, shape (n,): a card of opacity a lets 1 - a pass.
@@ -75,11 +70,11 @@ class Cards:
         for _ in range(LAYERS):
             if not len(alive):
                 return share
-            hit = self._scene.run(start[alive], direction[alive], output=1)
-            triangle, distance = hit["primID"], hit["tfar"]
+            hit = self._triangles.first_hits(start[alive], direction[alive])
+            triangle, distance = hit.triangle, hit.distance
             met = (triangle >= 0) & (distance < left[alive])
             alive, triangle, distance = alive[met], triangle[met], distance[met]
-            share[alive] *= 1 - self._opacity(triangle, hit["u"][met], hit["v"][met])
+            share[alive] *= 1 - self._opacity(triangle, hit.b1[met], hit.b2[met])
             dark = share[alive] < DARK
             share[alive[dark]] = 0
             alive, distance = alive[~dark], distance[~dark]

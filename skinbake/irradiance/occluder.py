@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.cards import Cards
+from skinbake.irradiance.embree import Triangles
 from skinbake.irradiance.shadow_origin import facets_of
 from skinbake.irradiance.smooth_surface import smooth_surface
 from skinbake.kernels.threads import for_slices
@@ -42,33 +43,25 @@ class Occluder:
 
     def __init__(self, mesh: SkinMesh) -> None:
         require_memory(RAYS_BYTES + RAYS_BYTES_A_FACE * len(mesh.faces), "tracing of rays")
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
         surface = smooth_surface(mesh)
         low, high = surface.positions_mm.min(axis=0), surface.positions_mm.max(axis=0)
         self.centre_mm: Float = (low + high) / 2
         self.subdivided = facets_of(surface, self.centre_mm)
         positions = np.ascontiguousarray(surface.positions_mm - self.centre_mm, dtype=np.float32)
         self.spacing_mm = float(np.spacing(np.abs(positions).max()))
-        self._scene = EmbreeScene(robust=True)
-        self._triangles = TriangleMesh(self._scene, positions, surface.faces)
+        parts = [(positions, surface.faces)]
         self._cards: Cards | None = None
         if mesh.casters is not None:
-            self._add(mesh.casters)
-        nothing = np.zeros((1, 3), np.float32)
-        self._scene.run(nothing, nothing + np.float32(1), query="OCCLUDED")  # commits, before threads come
+            parts += self._opaque(mesh.casters)
+        self._triangles = Triangles(*parts)
 
-    def _add(self, casters: Casters) -> None:
-        """Have rays meet what is not skin."""
-        from embreex.mesh_construction import TriangleMesh
-
+    def _opaque(self, casters: Casters) -> list[tuple[Vectors, NDArray[np.int32]]]:
+        """What rays meet that is neither skin nor lets light pass, which is put aside."""
         positions = np.ascontiguousarray(casters.positions_mm - self.centre_mm, dtype=np.float32)
         opaque = casters.image == OPAQUE
-        if opaque.any():
-            self._solid = TriangleMesh(self._scene, positions, np.ascontiguousarray(casters.faces[opaque]))
         if not opaque.all():
             self._cards = Cards(positions, casters)
+        return [(positions, casters.faces[opaque])] if opaque.any() else []
 
     @property
     def has_cards(self) -> bool:
@@ -93,8 +86,7 @@ class Occluder:
 
         def ask(part: slice) -> None:
             rays = direction[part] if len(direction) > 1 else direction
-            hit = self._scene.run(origin[part], rays, reach[part], query="OCCLUDED")
-            np.not_equal(hit, -1, out=answer[part])
+            answer[part] = self._triangles.occluded(origin[part], rays, reach[part])
             if self._cards is not None:
                 clear = np.flatnonzero(~answer[part])
                 rays = rays[clear] if len(rays) > 1 else np.repeat(rays, len(clear), axis=0)
@@ -119,8 +111,7 @@ class Occluder:
 
         def ask(part: slice) -> None:
             rays = direction[part] if len(direction) > 1 else direction
-            hit = self._scene.run(origin[part], rays, reach[part], query="OCCLUDED")
-            answer[part] = hit == -1
+            answer[part] = ~self._triangles.occluded(origin[part], rays, reach[part])
             self._dim_by_cards(answer[part], origin[part], rays, reach[part])
 
         for_slices(ask, len(origin), BATCH)
@@ -166,10 +157,9 @@ class Occluder:
         b1, b2, distance = (np.zeros(len(origin), dtype=np.float32) for _ in range(3))
 
         def ask(part: slice) -> None:
-            hit = self._scene.run(origin[part], direction[part], output=1)
-            triangle[part], b1[part], b2[part], distance[part] = hit["primID"], hit["u"], hit["v"], hit["tfar"]
-            triangle[part][hit["geomID"] != SKIN] = -1
+            hit = self._triangles.first_hits(origin[part], direction[part])
+            triangle[part], b1[part], b2[part], distance[part] = hit.triangle, hit.b1, hit.b2, hit.distance
+            triangle[part][hit.geometry != SKIN] = -1
 
         for_slices(ask, len(origin), BATCH)
-        triangle[distance > 1e30] = -1
         return triangle, b1, b2, distance

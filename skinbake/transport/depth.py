@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.irradiance.embree import ray_buffer
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import thread_count
 from skinbake.numerics import Float
-from skinbake.transport.surface_rays import RayScene, SurfaceRays, first_hit, ray_buffer
+from skinbake.transport.surface_rays import RayScene, SurfaceRays, first_hit
 
 CUBES = 6_000_000  # about as many at most
 SIDE = 4  # cubes along an edge of a block

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.irradiance.embree import ray_buffer
 from skinbake.irradiance.punctual_light import emitter, towards
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.lights import LightSpec, RectangleLight
 from skinbake.scene.mesh import SkinMesh
 from skinbake.transport.light_leaving import points_of
-from skinbake.transport.surface_rays import SurfaceRays, first_hit, ray_buffer
+from skinbake.transport.surface_rays import SurfaceRays, first_hit
 
 EDGE_MM = 3.0  # from where a light's shadow or terminator lies
 THIN_MM = 8.0  # of skin below

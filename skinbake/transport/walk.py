@@ -16,12 +16,12 @@ import math
 
 import numpy as np
 
+from skinbake.irradiance.embree import ray_buffer
 from skinbake.kernels.compile import kernel
 from skinbake.profile.photons import GOLDEN, VERTICAL, fresnel, mixed, uniform
 from skinbake.transport.depth import depth_at
 from skinbake.transport.skin_grid import value_at
 from skinbake.transport.straight_line import fly
-from skinbake.transport.surface_rays import ray_buffer
 from skinbake.transport.walk_face import at_face
 from skinbake.transport.walk_light import RECTANGLE, SKY, InsideSkin, look_for
 from skinbake.transport.walk_medium import (
