@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+import os
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -69,26 +70,36 @@ def code_modules(*modules: str) -> frozenset[str]:
 
 def data_files(*modules: str) -> list[Path]:
     """Files beside or below the code that `modules` run and that are not code themselves."""
-    folders = {PACKAGE.parent.joinpath(*name.split(".")) for name in code_modules(*modules)}
-    folders = {folder for folder in folders if folder.is_dir() and folder != PACKAGE}
-    return sorted({path for folder in folders for path in _data_below(folder)})
+    run = code_modules(*modules)
+    return [path for path, folders in _data_files().items() if not run.isdisjoint(folders)]
 
 
 @cache
-def _data_below(folder: Path) -> frozenset[Path]:
-    """Files in a folder and below that are not code."""
-    return frozenset(
-        path
-        for path in folder.rglob("*")
-        if path.suffix not in _NOT_CODE and "__pycache__" not in path.parts and path.is_file()
-    )
+def _data_files() -> dict[Path, list[str]]:
+    """Files of the package that are not code, and the folders below it that each lies in, by dotted name."""
+    folders = {path: path.relative_to(PACKAGE.parent).parts[:-1] for path in _files() if path.suffix not in _NOT_CODE}
+    return {path: [".".join(parts[:end]) for end in range(2, len(parts) + 1)] for path, parts in folders.items()}
+
+
+@cache
+def _files() -> list[Path]:
+    """Every file of the package, sorted."""
+    found: list[Path] = []
+    for folder, below, names in os.walk(PACKAGE):
+        below[:] = [name for name in below if name != "__pycache__"]
+        found += [Path(folder, name) for name in names]
+    return sorted(found)
+
+
+def _code_files() -> list[Path]:
+    return [path for path in _files() if path.suffix == ".py"]
 
 
 @cache
 def package_digest() -> str:
     """Digest of every file of the package as it is, comments included."""
     digest = hashlib.sha256()
-    for file in sorted(PACKAGE.rglob("*.py")):
+    for file in _code_files():
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()
 
@@ -98,7 +109,7 @@ def _sources() -> dict[str, tuple[str, list[str]]]:
     """Digest and imports of each module by its dotted name; what was parsed before is remembered by content."""
     before = _parsed_before()
     sources, parsed = {}, {}
-    for file in sorted(PACKAGE.rglob("*.py")):
+    for file in _code_files():
         parts = file.relative_to(PACKAGE.parent).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
         content = file.read_bytes()
