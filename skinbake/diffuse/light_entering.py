@@ -18,7 +18,7 @@ from skinbake.atlas import Atlas, AtlasRaster, sample_map
 from skinbake.diffuse.add_bounces import add_bounces
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.skin_weights import SkinWeights
-from skinbake.diffuse.terms.beam import BeamLight, decide_beams, free_path_of, has_beam, narrowest_mm2
+from skinbake.diffuse.terms.beam import BeamLight, ShiftedLights, decide_beams, free_path_of, has_beam, narrowest_mm2
 from skinbake.diffuse.terms.bounced_light import SkinLight
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin, formed_already
 from skinbake.diffuse.terms.diffuse_profile import (
@@ -73,6 +73,8 @@ class LightEntering:
         The same for wider lobes: what lamps send stands where it first scatters.
     mean_albedo : ndarray of shape (3,)
         Of the skin.
+    even_rgb : ndarray of shape (3,)
+        How many times light from everywhere counts, by its incidence.
     slanted : frozenset of str
         Lights of the look that count by their incidence.
     plan : tuple of Decision
@@ -88,6 +90,7 @@ class LightEntering:
     rgb: dict[int, Image]
     beam: BeamLight | None
     mean_albedo: Float
+    even_rgb: Image
     slanted: frozenset[str]
     plan: tuple[Decision, ...]
     curved: CurvedSkin | None = None
@@ -174,7 +177,7 @@ def light_entering(
     if curved and not shifted and curved.spreads_beams_alone:
         curved, line = None, formed_already(terms.curvature)
     plan += [*lines, line]
-    light, further = {}, {}
+    light, further, upstream = {}, {}, ShiftedLights()
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
 
     def arrive(raster: AtlasRaster, normal: Image, tile: IrradianceMap, name: str, image: Image) -> None:
@@ -202,15 +205,15 @@ def light_entering(
                 shape.add_lamp(raster.tile, places[i], arrived)
             if moved is not None and name in shifted:
                 coloured = arrived * (albedo[k] if exponent == 1 else albedo[k] ** exponent)
-                upstream = shifts[k].read(_named(spec, name), coloured)
-                upstream -= coloured
-                moved[places[i]] += upstream
-                del upstream, coloured
+                upstream.add(raster, places[i], name, coloured, shifts[k].read(_named(spec, name), coloured))
+                moved[places[i]] -= coloured
+                del coloured
             del arrived
         light[raster.tile] = out
         if moved is not None:
             further[raster.tile] = moved
         del out, moved, normal, image  # large, and the terms that follow need room
+    upstream.add_to(further)
     aside.rest()
     return_freed()
     if not decisions.separate_lights:
@@ -264,8 +267,9 @@ def light_entering(
     free_path = free_path_of(medium, gaussians)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
     mean_albedo = total / sum(np.sum(raster.area_mm2) for raster in atlas)
+    even_rgb = (slant.diffuse_rgb if slant and slanted else np.ones(3)).astype(np.float32)
     return LightEntering(
-        names, light, beam, mean_albedo, frozenset(slanted), tuple(plan), curved, skin_light, everywhere
+        names, light, beam, mean_albedo, even_rgb, frozenset(slanted), tuple(plan), curved, skin_light, everywhere
     )
 
 

@@ -15,14 +15,14 @@ from skinbake.atlas import Atlas
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.diffuse import diffuse
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
-from skinbake.diffuse.light_entering import EnteredSkin, LightEntering, light_entering
+from skinbake.diffuse.light_entering import EnteredSkin, LightEntering, albedo_of, light_entering
 from skinbake.diffuse.memoize import Kind, Make, Values
 from skinbake.diffuse.memory import check_memory, disk_needed_bytes
 from skinbake.diffuse.notices import too_much
-from skinbake.diffuse.skin_weights import VaryingSkin, uniform_scatter
+from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.diffuse_profile import HELD
-from skinbake.diffuse.terms.even_share import even_share
+from skinbake.diffuse.terms.even_share import even_share, hold_back, kept_through
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts, slabs_of
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit, transmitted_lobe
@@ -153,6 +153,7 @@ def scatter(
     if line is None and terms.transmission != "off":
         thin = thin or look_behind()
         arrived = SmallLight.of(entering.rgb, thin) if skin_light else None
+    even_rgb = entering.even_rgb
     del entering
     through = None
     if found and thin is not None:
@@ -161,6 +162,11 @@ def scatter(
     elif line is None:
         through, line = pass_through(thin=thin)
     straight = even_share(diffused, thin, bends) if bends and through is not None and thin is not None else None
+    if through is not None and thin is not None:
+        enters = [even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
+        gain = bends.left(straight) if bends else None
+        kept = kept_through(diffused, thin, enters, SkinWeights.of(gaussians, scene.maps), share, gain, times)
+        hold_back(through, thin, kept)
     thin = None  # its rays take more memory than a lobe
     return_freed()
     lobes = bends.applied(diffused.lobes, straight, aside.lobe) if bends else diffused.lobes

@@ -6,6 +6,7 @@ and have one plan, so that a ray brings the same share of each; what is left is 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,9 +61,18 @@ class FleshLight:
     mesh : SkinMesh
     udim : bool
     thin : ThinParts
+    kept : sequence of ndarray of shape (1, n, 3), optional
+        By tile, as `kept_through` gives it.
     """
 
-    def __init__(self, diffused: DiffuseMap, mesh: SkinMesh, udim: bool, thin: ThinParts) -> None:
+    def __init__(
+        self,
+        diffused: DiffuseMap,
+        mesh: SkinMesh,
+        udim: bool,
+        thin: ThinParts,
+        kept: Sequence[Image] | None = None,
+    ) -> None:
         self._read = thin.lobe_read([lobe.variance_mm2 for lobe in diffused.lobes])
         self._variance_mm2 = float(thin.gaussians.variance_mm2[-1])
         shapes = {tile: image.shape[1:3] for tile, image in diffused.lobes[self._read].rgb.items()}
@@ -71,10 +81,12 @@ class FleshLight:
         ray_share = rays_inwards()[1].astype(np.float32)
         among = np.zeros(sum(h * w for h, w in shapes.values()), np.bool_)
         found = []
-        for raster, rows, cols, far in thin.tiles:
+        for number, (raster, rows, cols, far) in enumerate(thin.tiles):
             factor = factors_of_lights(thin.weights, far, [(None, True)], thin.centre_mm)[0]
             weight = np.maximum(along_rays(thin, far) * factor - carried_already(diffused, thin, far), 0)
             weight *= np.tile(ray_share, len(rows))[:, None]
+            if kept is not None:
+                weight *= np.repeat(kept[number][0], len(ray_share), axis=0)
             flat, share = np.zeros((len(weight), 4), np.int64), np.zeros((len(weight), 4), np.float32)
             for tile, begin in begins.items():
                 there = np.flatnonzero((of_face[far.face] == tile) & (weight.max(axis=1, initial=0) > 0))
@@ -83,9 +95,9 @@ class FleshLight:
                 flat[there], share[there] = at + begin, part
             among[flat] = True
             found.append((raster, rows, cols, weight, flat, share))
-        number = np.cumsum(among, dtype=np.int32) - 1
+        place = np.cumsum(among, dtype=np.int32) - 1
         self._tiles = [
-            _FleshTile(raster, rows, cols, weight, number[flat], share)
+            _FleshTile(raster, rows, cols, weight, place[flat], share)
             for raster, rows, cols, weight, flat, share in found
         ]
         whole = np.flatnonzero(among)

@@ -26,7 +26,7 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import curve_skin
-from skinbake.diffuse.terms.even_share import even_share
+from skinbake.diffuse.terms.even_share import even_share, hold_back, kept_through
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts, slabs_of
@@ -105,6 +105,8 @@ class Scattering:
         # Of the plan and the skin, the same for all lights
         self._flesh_light: FleshLight | None = None
         self._straight: dict[int, Image] | None = None
+        self._kept: list[Image] = []
+        self._even_rgb = (slant.diffuse_rgb if slant else np.ones(3)).astype(np.float32)
         area = [raster.area_mm2[..., None] for raster in atlas]
         lit = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, self._albedo, strict=True))
         self._mean_albedo = lit / sum(map(np.sum, area))
@@ -132,12 +134,8 @@ class Scattering:
         for raster, albedo in zip(self._atlas, self._albedo, strict=True):
             light[raster.tile] *= albedo**exponent
         diffused = self._diffused(light)
-        through, straight = self._transmitted(diffused, first), None
-        if self._curved and through is not None and self.thin is not None:
-            if self._straight is None:
-                self._straight = even_share(diffused, self.thin, self._curved)
-            straight = self._straight
-        lobes = self._curved.applied(diffused.lobes, straight) if self._curved else diffused.lobes
+        through = self._transmitted(diffused, first)
+        lobes = self._curved.applied(diffused.lobes, self._straight) if self._curved else diffused.lobes
         alone = np.array([lobe.weight_rgb for lobe in ((*lobes, through) if through else lobes)])
         weights = SkinWeights(alone, self._weights.table, self._scene.maps)
         out = {raster.tile: summed_lobes(lobes, weights, raster.tile, raster.shape) for raster in self._atlas}
@@ -231,12 +229,24 @@ class Scattering:
                 lobe, line = pass_through(thin=thin)
             self.lines.append(Decision("relight.transmission", line.enabled, line.why, line.error))
             self.thin = thin if lobe else None
+            if lobe and thin:
+                self._share_even_light(diffused, thin, scatter)
+                hold_back(lobe, thin, self._kept)
             return lobe
         if self.thin is None:
             return None
         if self._flesh_light is None:
-            self._flesh_light = FleshLight(diffused, scene.mesh, texture.udim, self.thin)
+            self._flesh_light = FleshLight(diffused, scene.mesh, texture.udim, self.thin, self._kept)
         return self._flesh_light.lobe(diffused, scatter)
+
+    def _share_even_light(self, diffused: DiffuseMap, thin: ThinParts, scatter: float) -> None:
+        """Note what light through thin parts takes off the lobes, and what of it is kept."""
+        scene, gain = self._scene, None
+        if self._curved:
+            self._straight = even_share(diffused, thin, self._curved)
+            gain = self._curved.left(self._straight)
+        enters = [self._even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
+        self._kept = kept_through(diffused, thin, enters, self._weights, scatter, gain)
 
     def _sent_on(
         self, through: Lobe, lobes: tuple[Lobe, ...], light: Tiles, names: tuple[str, ...], left: Tiles

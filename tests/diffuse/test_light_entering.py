@@ -9,6 +9,7 @@ import pytest
 
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.light_entering import light_entering
+from skinbake.diffuse.terms.beam import ShiftedLights
 from skinbake.diffuse.terms.beam_shift import BeamShift
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.light_skin import light_skin
@@ -249,3 +250,20 @@ def test_a_medium_that_is_only_named_gives_its_slant_and_not_its_total():
         quad(), [sun(1.0)], {"incidence": "on"}, weight=weight, medium=named, skin={"normalise": "none"}
     )
     np.testing.assert_allclose(got.rgb[1001], arrived.rgb * np.array(ALBEDO, np.float32), rtol=1e-5)
+
+
+def test_no_lamp_has_more_shifted_light_in_all_than_arrived():
+    """Over two tiles together: what one tile finds too much of another may lack, lamp by lamp."""
+    (raster,) = rasterize(quad(10.0), (16, 16), 1)
+    where = (raster.area_mm2 > 0)[..., None]
+    tiles = [replace(raster, tile=tile) for tile in (1001, 1002)]
+    shifted, moved = ShiftedLights(), {each.tile: np.zeros((2, 16, 16, 3), np.float32) for each in tiles}
+    for tile, times in zip(tiles, (1.5, 0.5), strict=True):
+        arrived = np.full((16, 16, 3), 2, np.float32)
+        shifted.add(tile, 0, "level", arrived, arrived * np.float32(times))
+        shifted.add(tile, 1, "more", arrived, arrived * np.array([times, 1.25, 0.5], np.float32))
+    shifted.add_to(moved)
+    for tile, times in zip(tiles, (1.5, 0.5), strict=True):
+        found = moved[tile.tile][:, where[..., 0]]
+        np.testing.assert_allclose(found[0], 2 * times, rtol=1e-6)
+        np.testing.assert_allclose(found[1], np.broadcast_to([2 * times, 2.0, 1.0], found[1].shape), rtol=1e-6)

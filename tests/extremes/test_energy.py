@@ -5,6 +5,7 @@ import pytest
 
 import skinbake
 from skinbake.atlas import rasterize
+from skinbake.io.exr import Part, write_parts
 from skinbake.io.mesh import write_obj
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
@@ -22,7 +23,8 @@ MEDIA = {
 }
 GAIN_ANYWHERE = 0.01  # of what a furnace allows: of few texels, rays and directions
 GAIN_IN_ALL = 0.002  # of what a sun sends: of the blur's own estimate
-TRANSLUCENT_GAIN = 0.06  # where light goes as far as the body reaches, 5.5 % today: a bound, and no aim
+GAIN_IN_CREASES = 0.045  # of a body that light goes through: what lights it through flesh is not blurred again
+SAME_BALL = 0.025  # by which a sun's total may differ from a furnace's: a ball of 4 mm 1.9 %, of 12 mm 0.02 %
 
 
 def ball(radius_mm):
@@ -40,16 +42,16 @@ def creased(radius_mm):
     return SkinMesh(positions, mesh.faces, mesh.corner_uv, (corner - centre) / radius_mm)
 
 
-def baked(folder, mesh, medium, eta, light, **terms):
+def baked(folder, mesh, medium, eta, light, more=None):
     """What leaves and what arrives at texels of the skin, (n, 3), their areas (n, 1), and the terms that are on."""
     write_obj(folder / "body.obj", mesh)
     look = {
         "mesh": {"path": str(folder / "body.obj"), "unit": "mm", "any_size": True},
         "skin": {"model": "dipole", "normalise": "none", "eta": eta, **MEDIA[medium]},
         "texture": {"size": list(SIZE), "gutter": 2}, "lights": [light],
-        "terms": {"energy_conservation": "off"} | dict.fromkeys(TERMS, "on") | terms,
+        "terms": {"energy_conservation": "off"} | dict.fromkeys(TERMS, "on"),
         "diffusion": {"probes": 50}, "output": {"dir": str(folder / "out"), "precision": "float"},
-    }  # fmt: skip
+    } | (more or {})  # fmt: skip
     found = skinbake.bake(SceneSpec.model_validate(look))
     (raster,) = rasterize(mesh, SIZE, 2)
     on = {line.term.split(".")[-1] for line in found.plan if line.enabled}
@@ -59,32 +61,50 @@ def baked(folder, mesh, medium, eta, light, **terms):
 
 @pytest.mark.parametrize("eta", [1.0, 1.4])
 @pytest.mark.parametrize(
-    ("body", "radius_mm", "medium"),
-    [(ball, 12.0, "skin"), (creased, 12.0, "skin"), (ball, 40.0, "pale"), (creased, 40.0, "pale")],
+    ("body", "radius_mm", "medium", "anywhere"),
+    [
+        (ball, 12.0, "skin", GAIN_ANYWHERE),
+        (creased, 12.0, "skin", GAIN_ANYWHERE),
+        (ball, 40.0, "pale", GAIN_ANYWHERE),
+        (creased, 40.0, "pale", GAIN_ANYWHERE),
+        # About as small as light goes, 4 mm in skin, 18 in the pale medium
+        (ball, 4.0, "skin", GAIN_ANYWHERE),
+        (ball, 12.0, "pale", GAIN_ANYWHERE),
+        (creased, 12.0, "pale", GAIN_IN_CREASES),
+    ],
 )
-def test_closed_bodies_gain_nothing(tmp_path, body, radius_mm, medium, eta):
-    """In a furnace of radiance 1 nowhere more than pi leaves, nor under a sun more in all than arrives."""
+def test_closed_bodies_gain_nothing(tmp_path, body, radius_mm, medium, anywhere, eta):
+    """In a furnace of radiance 1 nowhere more than pi leaves, nor under a sun more for good than arrives.
+
+    A ball looks the same to all suns, and a furnace is all of them: either has the same share sent back.
+    """
     mesh = body(radius_mm)
-    leaving, arriving, _, on = baked(tmp_path, mesh, medium, eta, SKY)
+    leaving, arriving, area_mm2, on = baked(tmp_path, mesh, medium, eta, SKY)
     assert {"incidence", "curvature", "interreflection", "transmission", "diffuse_profile"} <= on
     assert np.all(arriving <= np.pi * (1 + 1e-5))
-    assert leaving.max() <= np.pi * (1 + GAIN_ANYWHERE)
+    assert leaving.max() <= np.pi * (1 + anywhere)
+    open_share = arriving / np.pi
+    of_furnace = (area_mm2 * leaving).sum(axis=0) / (area_mm2 * arriving).sum(axis=0)
     leaving, arriving, area_mm2, on = baked(tmp_path, mesh, medium, eta, SUN)
     assert {"incidence", "beam", "curvature", "interreflection", "transmission"} <= on
-    share = (area_mm2 * leaving).sum(axis=0) / (area_mm2 * arriving).sum(axis=0)
+    share = (area_mm2 * leaving * open_share).sum(axis=0) / (area_mm2 * arriving).sum(axis=0)
     assert np.all(share <= 1 + GAIN_IN_ALL), share
+    if body is ball:
+        np.testing.assert_allclose(share, of_furnace, rtol=SAME_BALL)
 
 
-@pytest.mark.parametrize(
-    ("radius_mm", "medium", "light", "gains"),
-    [(12.0, "pale", SKY, True), (12.0, "pale", SUN, True), (4.0, "skin", SKY, False), (4.0, "skin", SUN, True)],
-)
-def test_a_body_that_is_as_small_as_light_goes_gains_little(tmp_path, radius_mm, medium, light, gains):
-    """Balls in which red goes 18 and 4 mm: beams that are spread by curvature over another length than they are
-    shifted by, and, in the pale one, light from everywhere that comes through beside that of the ball's form.
+@pytest.mark.parametrize("albedo", [1.0, 0.8])
+def test_paint_that_is_lighter_than_its_medium_does_not_shine(tmp_path, albedo):
+    """A white profile lets through what its dark medium does, as a share of what that sends back: many times as much
+    as paint leaves.
     """
-    leaving, arriving, area_mm2, _ = baked(tmp_path, ball(radius_mm), medium, 1.0, light)
-    share = (area_mm2 * leaving).sum(axis=0) / (area_mm2 * arriving).sum(axis=0)
-    assert share.max() <= 1 + TRANSLUCENT_GAIN
-    assert (share[0] > 1) == gains  # who mends it moves these bodies to the test above
-    assert share[2] < 0.9  # blue goes 1.6 mm and less
+    paint = tmp_path / "paint.exr"
+    write_parts(paint, [Part("", {"RGB": np.full((4, 4, 3), albedo, np.float32)})], precision="float")
+    more = {
+        "skin": {"model": "dipole", "normalise": "white", **MEDIA["skin"]},
+        "maps": {"albedo": {"path": str(paint)}},
+    }
+    leaving, _, _, on = baked(tmp_path, ball(3.0), "skin", 1.0, SKY, more)
+    assert "transmission" in on
+    assert leaving.max() <= np.pi * (1 + GAIN_ANYWHERE)
+    assert leaving.max() >= np.pi * 0.99  # its room is used

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
+from skinbake.diffuse.terms.even_share import hold_back
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.terms.transmission import transmitted_lobe
 from skinbake.relight.flesh_light import SIDE_BY_SIDE, FleshLight
@@ -52,3 +53,18 @@ def test_rays_come_out_on_another_tile():
     for tile, image in asked.rgb.items():
         assert image.max() > 0.1
         np.testing.assert_allclose(made.rgb[tile], image, rtol=1e-5, atol=1e-6)
+
+
+def test_what_is_held_back_of_a_texel_is_held_back_of_all_its_rays():
+    """Some texels keep a part of one channel."""
+    mesh, profile = slab_mesh(2.0), gaussians(energy=0.5)
+    thin = ThinParts.of(mesh, profile, SIZE, 4, False, np.full(3, 0.5))
+    light, (tile,) = blurred(3, (1001,), "texture"), thin.tiles
+    kept = np.ones((1, len(tile.rows), 3), np.float32)
+    kept[0, ::2, 1] = 0.25
+    made = FleshLight(light, mesh, False, thin, [kept]).lobe(light, 1.0)
+    asked = transmitted_lobe(light, mesh, False, thin)
+    hold_back(asked, thin, [kept])
+    np.testing.assert_allclose(made.rgb[1001], asked.rgb[1001], rtol=1e-5, atol=1e-6)
+    of_all = FleshLight(light, mesh, False, thin).lobe(light, 1.0).rgb[1001]
+    assert not np.allclose(of_all[..., 1], made.rgb[1001][..., 1])

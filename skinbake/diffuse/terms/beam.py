@@ -2,8 +2,9 @@
 
 What a lobe of some width blurs is then not light where it entered, but where it was first scattered. So each place of
 the skin is given the light that entered one transport free path times the sine inside upstream, along the tangent
-(theory.md 9.6). As light is read from there, and not sent from here, constant light stays what it is. Narrow lobes
-stand for light that came out again near where it entered; they keep the light as it was.
+(theory.md 9.6). As light is read from there, and not sent from here, constant light stays what it is; what that finds
+too much of in all is taken off everywhere. Narrow lobes stand for light that came out again near where it entered; they
+keep the light as it was.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from skinbake.diffuse.terms.beam_shift import BeamShift
 from skinbake.diffuse.terms.curvature import CurvedSkin
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
-from skinbake.numerics import Float
+from skinbake.kernels.compile import kernel
+from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.effective_medium import one_layer
 from skinbake.profile.skin_medium import SkinMedium
@@ -46,6 +49,46 @@ class BeamLight(NamedTuple):
 
     rgb: Tiles
     narrowest_mm2: float
+
+
+class ShiftedLights:
+    """Light of lamps where it first scatters, until all tiles have it: then no lamp has more of it than arrived."""
+
+    def __init__(self) -> None:
+        self._found: list[tuple[int, int, str, Image]] = []
+        self._sums: dict[str, Float] = {}
+
+    def add(self, raster: AtlasRaster, place: int, name: str, arrived: Image, upstream: Image) -> None:
+        """Take what was read upstream of a lamp's light on a tile.
+
+        Parameters
+        ----------
+        raster : AtlasRaster
+        place : int
+            Where the lamp stands in what is stored.
+        name : str
+            Of the lamp.
+        arrived, upstream : ndarrays of shape (H, W, 3), float32
+            The latter is kept.
+        """
+        rows = np.zeros((len(arrived), 2, 3))
+        parallel_for(_sum_rows, len(rows), raster.area_mm2, arrived, upstream, rows)
+        self._sums[name] = self._sums.get(name, 0.0) + rows.sum(axis=0)
+        self._found.append((raster.tile, place, name, upstream))
+
+    def add_to(self, moved: Tiles) -> None:
+        """Add it all, and let it go.
+
+        Parameters
+        ----------
+        moved : dict of int to ndarray of shape (L, H, W, 3), changed in place
+            By tile.
+        """
+        while self._found:
+            tile, place, name, upstream = self._found.pop()
+            arrived, shifted = self._sums[name]
+            share = np.minimum(safe_div(arrived, shifted), 1).astype(np.float32)
+            parallel_for(_add_share, len(upstream), upstream, share, moved[tile][place])
 
 
 def narrowest_mm2(free_path_mm: Float) -> float:
@@ -158,3 +201,42 @@ def _decide_beam(name: str, moved: float, switch: str, limit: float) -> Decision
     why = f"{switch}: light that enters at a slant scatters further along: {moved:.2%} of it (rms) is elsewhere"
     kept = switch == "on" or moved > limit
     return Decision(f"{name}.beam", kept, f"{why}, worth it from {limit:.2%}", 0.0 if kept else moved)
+
+
+@kernel
+def _sum_rows(first, stop, area_mm2, arrived, upstream, out):  # type: ignore[no-untyped-def]
+    """Light times area, summed over each row.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    area_mm2 : ndarray of shape (H, W)
+    arrived, upstream : ndarrays of shape (H, W, 3)
+    out : ndarray of shape (H, 2, 3), float64
+        Added to.
+    """
+    for row in range(first, stop):
+        for col in range(area_mm2.shape[1]):
+            area = np.float64(area_mm2[row, col])
+            if area > 0.0:
+                for c in range(3):
+                    out[row, 0, c] += area * arrived[row, col, c]
+                    out[row, 1, c] += area * upstream[row, col, c]
+
+
+@kernel
+def _add_share(first, stop, upstream, share, out):  # type: ignore[no-untyped-def]
+    """Add a share of light to other light.
+
+    Parameters
+    ----------
+    first, stop : int
+        Rows.
+    upstream, out : ndarrays of shape (H, W, 3), float32
+    share : ndarray of shape (3,), float32
+    """
+    for row in range(first, stop):
+        for col in range(upstream.shape[1]):
+            for c in range(3):
+                out[row, col, c] += share[c] * upstream[row, col, c]

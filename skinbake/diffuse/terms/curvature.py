@@ -104,6 +104,16 @@ class CurvedSkin:
             found[pick] = gain[row * width + col]
         return found
 
+    def left(self, through: Mapping[int, Image] | None) -> Tiles:
+        """Gain that lobes have beside another one.
+
+        Parameters
+        ----------
+        through
+            As of `applied`.
+        """
+        return {tile: _less(image, through.get(tile) if through else None) for tile, image in self.gain.items()}
+
     def applied(
         self,
         lobes: Sequence[Lobe],
@@ -121,7 +131,7 @@ class CurvedSkin:
             Takes each as soon as it is made and gives it as it is read again; may take its pixels out of it.
         """
         factors, found = lobe_factors(self.weight, self.share), list[Lobe]()
-        gain = {tile: _less(image, through.get(tile) if through else None) for tile, image in self.gain.items()}
+        gain = self.left(through)
         pixels = [tuple(map(id, lobe.rgb.values())) for lobe in lobes]
         unchanged: dict[tuple[int, ...], Lobe] = {}  # several may be the light itself
         for lobe, of, share, factor in zip(lobes, pixels, self.share, factors, strict=True):
