@@ -177,7 +177,7 @@ def light_entering(
     if curved and not shifted and curved.spreads_beams_alone:
         curved, line = None, formed_already(terms.curvature)
     plan += [*lines, line]
-    light, further, upstream = {}, {}, ShiftedLights()
+    light, further = {}, {}
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
 
     def arrive(raster: AtlasRaster, normal: Image, tile: IrradianceMap, name: str, image: Image) -> None:
@@ -186,6 +186,7 @@ def light_entering(
             assert slant is not None
             apply_slant(raster, normal, scene.occluder, _named(spec, name), slant, skies.get(name), image)
 
+    upstream = ShiftedLights()
     places = [i if decisions.separate_lights else 0 for i in range(len(names))]
     layer = layer_of_profile(spec.skin, medium, gaussians) if terms.diffuse_profile != "off" else ""
     shape = None if isinstance(layer, str) else DiffuseProfile(gaussians, layer, atlas, places[-1] + 1, curved)
