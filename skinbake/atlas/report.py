@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from skinbake.atlas.connected import connected
 from skinbake.atlas.metric import first_fundamental_form
 from skinbake.atlas.raster import NO_FACE, Atlas
 from skinbake.atlas.rasterize import signed_uv_area
@@ -245,8 +244,7 @@ def _closure(mesh: SkinMesh) -> tuple[int, bool]:
     apex = mesh.positions_mm.mean(axis=0)
     if len(rim):
         ends = np.stack([rim // count, rim % count], axis=1)
-        ones = np.ones(len(ends))
-        _, opening = connected_components(coo_array((ones, (ends[:, 0], ends[:, 1])), shape=(count, count)), False)
+        opening = connected(ends[:, 0], ends[:, 1], count)
         middle = mesh.positions_mm[ends].mean(axis=1)
         length = np.linalg.norm(np.diff(mesh.positions_mm[ends], axis=1)[:, 0], axis=1)
         weight = np.bincount(opening[ends[:, 0]], length)

@@ -6,7 +6,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ive
 
 from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
@@ -43,6 +42,8 @@ def discrete_gaussian(t: float, tail: float = TAIL) -> Float:
     """
     if not t >= 0:
         raise ValueError(f"discrete_gaussian: expected a variance >= 0, got {t}")
+    from scipy.special import ive  # only where something is blurred so
+
     reach = int(np.ceil(7 * np.sqrt(t) + 8))
     n = np.arange(reach + 1)
     half = ive(n, t) if t <= _WIDE_T else np.exp(-n * n / (2 * t))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas.connected import connected
 from skinbake.diffuse.terms.flesh_sums import FAN, TINY, Elements, Groups, decay_at
 from skinbake.kernels.simd import LANES
 from skinbake.kernels.threads import parallel_for
@@ -145,12 +146,7 @@ def _skirt(mesh: SkinMesh, corner: Float, beyond_mm: float) -> Float:
 
 def _loops(begin: NDArray[np.int64], end: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Number of the connected piece that each edge belongs to."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_matrix((np.ones(len(begin)), (begin, end)), (count, count))
-    _, label = connected_components(graph, directed=False)
-    _, found = np.unique(label[begin], return_inverse=True)
+    _, found = np.unique(connected(begin, end, count)[begin], return_inverse=True)
     return found.ravel().astype(np.int64)
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
 
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, normalized, safe_div
 from skinbake.scene.mesh import SkinMesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 MOST_STEPS, CLOSE_ENOUGH = 80, 1e-4  # of the iteration; change of a position in units of the smoothing's length
 
@@ -129,6 +131,8 @@ def _move(first: int, stop: int, heat: _Heat, moved: Float, factor: float, befor
 
 def _cotangents(positions: Float, faces: NDArray[np.int64]) -> tuple[csr_matrix, Float]:
     """Half the cotangents opposite each edge, not below 0, as a symmetric matrix, and a third of the faces' area."""
+    from scipy.sparse import coo_matrix  # only where curvature is asked for
+
     count = len(positions)
     rows, cols, values, area = [], [], [], np.zeros(count)
     corner = positions[faces]

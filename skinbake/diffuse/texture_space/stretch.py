@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from skinbake.atlas import AtlasRaster, first_fundamental_form, interpolate, signed_uv_area
+from skinbake.atlas.connected import connected
 from skinbake.diffuse.lattice import lattice_table, lattice_variance
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, broadcast, gaussian, load, mul_add, same, store
@@ -40,8 +39,7 @@ def chart_of_face(corner: NDArray[np.int64]) -> NDArray[np.int32]:
     """Connected component in UV of each face, from `uv_vertices`."""
     first, other = np.repeat(corner[:, 0], 2), corner[:, 1:].reshape(-1)
     count = int(corner.max()) + 1 if corner.size else 0
-    graph = coo_array((np.ones(len(first), np.int8), (first, other)), shape=(count, count))
-    return connected_components(graph, directed=False)[1][corner[:, 0]].astype(np.int32)
+    return connected(first, other, count)[corner[:, 0]]
 
 
 def smooth_inverse_metric(mesh: SkinMesh, corner: NDArray[np.int64]) -> Float:
