@@ -101,7 +101,8 @@ def _bake_into_folder(
         preview = False
         log.say("  no lights yet, no picture")
     with results.open(preview), PreviewWorker() as worker:
-        put_aside(inputs, stages, results.spool)
+        if not inputs.reduced:
+            put_aside(inputs, stages, results.spool)
         picture = PreviewStage(inputs, stages, results, worker, log)
         if preview:
             picture.prepare()

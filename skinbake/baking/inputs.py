@@ -71,6 +71,11 @@ class BakeInputs:
         self.spec = at_size(spec, self.texture_size)
         self.decisions = replace(decide(self.spec, self.texture_size.lost), texture_size=self.texture_size.decision)
 
+    @property
+    def reduced(self) -> bool:
+        """Whether it is worked at a smaller size than was asked for: beside its maps, such a bake is small."""
+        return self.spec.texture.size != self.asked.texture.size
+
     def _texture_size(self) -> TextureSize:
         """The size to work at, which every stage's key holds; what looks of one process share is decided once."""
         if not may_be_reduced(self.spec):

@@ -53,7 +53,7 @@ class PreviewStage(Stage[Pixels, bool]):
             through = inputs.spec.terms.transmission != "off"  # likely: a lobe more
             count = len(self._stages.profile.result().variance_mm2) + through
             # Maps are in memory twice from then on: at their own size a bake's peak would be higher
-            self._with_maps = inputs.spec.texture.size != inputs.asked.texture.size
+            self._with_maps = inputs.reduced
             stand_in = partial(
                 stand_in_of, inputs.spec, inputs.decisions, inputs.scene(), inputs.tiles, count, self._with_maps
             )
