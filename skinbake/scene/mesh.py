@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
@@ -75,11 +76,19 @@ class SkinMesh:
                 raise ValueError(f"SkinMesh.{name}: expected shape {want}, got {got}")
 
     def derived(self, make: Callable[[SkinMesh], T]) -> T:
-        """What a function makes of this mesh, made once: for what stages ask again that is not known to `scene`."""
-        if make not in self._derived:
-            self._derived[make] = make(self)
-        found: T = self._derived[make]
-        return found
+        """What a function makes of this mesh: for what stages ask again that is not known to `scene`.
+
+        Made once, also where several threads ask at the same time: all but the first one wait.
+        """
+        mine: Future[T] = Future()
+        first: Future[T] = self._derived.setdefault(make, mine)
+        if first is mine:
+            try:
+                mine.set_result(make(self))
+            except BaseException as fault:
+                del self._derived[make]
+                mine.set_exception(fault)
+        return first.result()
 
     @cached_property
     def corner_position_mm(self) -> Float:
