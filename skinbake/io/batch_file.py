@@ -138,6 +138,10 @@ def _look(located: Located, plan: PlannedJob, folder: Path, overrides: Sequence[
     apply_overrides(look, overrides)
     if out is not None:
         put(look, "output.dir", str(out), "--out")
+    output = look.value.get("output")
+    if output is None or (isinstance(output, dict) and "dir" not in output):
+        place = located.place(("defaults",))
+        raise ConfigError([f"{place}: defaults.output.dir: missing; expected the folder of all jobs, or --out"])
     merge_preset(look, *beside)
     return parse_look(look)
 

@@ -161,6 +161,14 @@ def test_a_fault_in_the_base_names_the_base(batch, tmp_path):
     assert "looks/look.yaml:1: mesh.unti: unknown key; did you mean unit? (jobs a, b)" in found
 
 
+@pytest.mark.parametrize("defaults", ["{base: looks/look.yaml}", "{base: looks/look.yaml, output: {lights: total}}"])
+def test_a_batch_without_a_folder_blames_the_batch(batch, defaults):
+    """The base's own folder does not count, so its line is not where to mend it."""
+    (fault,) = faults(batch(f"# two looks\ndefaults: {defaults}\njobs: [{{name: a}}, {{name: b}}]\n"))
+    expected = "looks.yaml:2: defaults.output.dir: missing; expected the folder of all jobs, or --out (jobs a, b)"
+    assert fault.endswith(expected)
+
+
 def test_names_must_differ_and_there_must_be_some(batch):
     """Two jobs in one folder would overwrite each other."""
     head = "defaults: {base: looks/look.yaml, output: {dir: out}}\n"
