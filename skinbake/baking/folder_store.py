@@ -74,7 +74,7 @@ class FolderStore:
         self._inputs, self._log, self._output, self._udim = inputs, log, spec.output, spec.texture.udim
         self.spool = Spool(self.folder)
         self._background = Background()
-        self._packed = PackedLobes(self.folder, spec.output.precision, spec.output.compression, self.spool)
+        self._packed = PackedLobes(self.folder, spec.output.precision, spec.packing, self.spool)
         self._files = FolderFiles(self.folder)
         self.before: dict[str, Any] = self._files.read()
         self.written: set[str] = set()
@@ -224,7 +224,7 @@ class FolderStore:
             if mesh is not None:
                 write_obj(self.folder / MESH, mesh, unit)
             for tile in maps:
-                precision, compression = self._output.precision, self._output.compression
+                precision, compression = self._output.precision, self._inputs.spec.packing
                 write_irradiance(
                     paths[tile.tile], tile, provenance.light_keys, header, precision, compression, self._output.layout
                 )
@@ -271,7 +271,7 @@ class FolderStore:
         names = self._written(self.lobe_paths(result), result.lights if separate else ())
         self._begin_texture(names, "lobe_", "transmission")
         header, output, udim = self._header(provenance), self._output, self._udim
-        how = output.precision, output.compression, separate, udim, output.layout
+        how = output.precision, self._inputs.spec.packing, separate, udim, output.layout
         self._background.do(
             lambda: write_lobes(self.folder, result, provenance.key, header, *how, self.spool, self._packed)
         )

@@ -273,6 +273,7 @@ def expected(
     else:
         # Neighbouring texels differ less the finer they are
         packed = value * covered * (megatexels / tiles) ** -0.1 * (1.9 if spec.output.precision == "float" else 1.0)
+        packed *= 1.35 if spec.packing == "rle" else 1.0
         irradiance = packed * 4 * (0.31 * bright + 0.21 * dark)
         lobes = packed * 3 * sum(kept) * (0.24 + 0.24 * total if summed else 0.48 * bright + 0.24 * dark)
     # Lights stored summed are blurred summed; drawn are the sum of each lobe, and maps and irradiance as they are

@@ -138,7 +138,7 @@ def diffuse(
     # Make and measure
     return_freed()  # arrays of other sizes than those to come
     tell("measuring points")
-    probes = draw_probes(geometry, spec.probes, seed, VERIFY)
+    probes = draw_probes(geometry, spec.probe_count, seed, VERIFY)
     arrives = area_sum(scaled, geometry.points)
 
     unblurred: dict[LobeLight, Lobe] = {}  # by the light that they are: the same for most of them
@@ -161,12 +161,12 @@ def diffuse(
         first = made.error.rms
         del made
         plans, decisions = plan_auto(memoizer, gaussians, weights, seed, precision, probes)
-        probes = draw_probes(geometry, spec.probes, seed, VERIFY_AGAIN)
+        probes = draw_probes(geometry, spec.probe_count, seed, VERIFY_AGAIN)
         made = make_lobes(memoizer, plans, weights, probes, precision, tell, finish)
         why = f"the first plan was wrong by {first:.3%} at probes that it had not seen; judged by others again"
         decisions.append(Decision("second plan", True, why))
 
-    if spec.probes:
+    if spec.probe_count:
         decisions += [_fit(gaussians, made.blurs), *squeezed_skin(geometry)]
     met = made.error is None or is_within(made.error.rms, spec.tolerance)
     return DiffuseMap(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from skinbake.irradiance.environment_map import SkySamples, cosine_irradiance, irradiance_table, look_up
 from skinbake.irradiance.harmonics import harmonic_matrix, light_by_harmonics
-from skinbake.irradiance.sky_points import POINTS_EACH, SkyPoints, all_around
+from skinbake.irradiance.sky_points import SkyPoints, all_around
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, norm_of_all
 from skinbake.scene.decision import Decision
@@ -156,7 +156,7 @@ def _fewest_samples(
     shadows = f"shadows take {without:.2%} rms off"
     if without <= limit and not must:
         return 0, f"{shadows}, no more than {limit:.2%}", without
-    few = base[::POINTS_EACH]
+    few = base[:: points.each]
 
     def light(count: int, shift: float) -> Float:
         return np.asarray(few * points.few_shares(*sky.draw(count, shift % 1))[:, :3], np.float64)

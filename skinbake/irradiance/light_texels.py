@@ -84,7 +84,7 @@ def light_texels(
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     table = oil_table(specular) if energy_conservation else np.zeros((0, 0, 2))
     height, width = atlas[0].shape
-    points = SkyPoints(mesh, occluder, (width, height))
+    points = SkyPoints(mesh, occluder, (width, height), tolerance)
     skies = {
         light.name: plan_environment(light, (environments or {}).get(light.name), points, shadows, tolerance, seed)
         for light in lights

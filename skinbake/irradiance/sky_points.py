@@ -17,8 +17,8 @@ from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
-POINTS = 16384  # of the skin: a dark place that fills one in this many of them costs 0.8 % rms
-POINTS_EACH = 32  # of them, one in so many tells what it sees
+FEWEST, MOST = 2048, 16384  # points of the skin: a dark place that fills one in the most of them costs 0.8 % rms
+TELL = 512  # of them tell what they see
 DIRECTIONS = 1024  # all around, each for the part of the sphere that is nearest to it
 
 
@@ -32,15 +32,24 @@ class SkyPoints:
         The mesh's.
     size : (width, height)
         Of the texture.
+    tolerance : float
+        Rms error of a sky: there are so many points that a dark place between them costs half of it, about.
+
+    Attributes
+    ----------
+    each : int
+        One point in so many tells what it sees.
     """
 
-    def __init__(self, mesh: SkinMesh, occluder: Occluder, size: tuple[int, int]) -> None:
+    def __init__(self, mesh: SkinMesh, occluder: Occluder, size: tuple[int, int], tolerance: float) -> None:
         self._mesh, self._occluder, self._size = mesh, occluder, size
+        wanted = min(max((2 / tolerance) ** 2, FEWEST), MOST)
+        self.each = int(wanted) // TELL
 
     @cached_property
     def _places(self) -> tuple[Image, Image]:
         """Where rays start, and smooth normals, (n, 3)."""
-        return scattered_origins(self._mesh, self._occluder, self._size, POINTS)
+        return scattered_origins(self._mesh, self._occluder, self._size, self.each * TELL)
 
     @property
     def normal(self) -> Image:
@@ -58,7 +67,7 @@ class SkyPoints:
         return open_shares(*self._places, directions, weights, self._occluder)
 
     def few_shares(self, directions: Image, weights: Image) -> Image:
-        """The same of one point in `POINTS_EACH`, (m, 4), by what it sees of the direction nearest to each.
+        """The same of one point in `each`, (m, 4), by what it sees of the direction nearest to each.
 
         Parameters
         ----------
@@ -73,7 +82,7 @@ class SkyPoints:
     @cached_property
     def _few(self) -> _Few:
         """What a few of the points see."""
-        origin, normal = (np.ascontiguousarray(each[::POINTS_EACH]) for each in self._places)
+        origin, normal = (np.ascontiguousarray(each[:: self.each]) for each in self._places)
         towards = all_around(DIRECTIONS).astype(np.float32)
         point, direction = np.nonzero(np.einsum("ni,di->nd", normal, towards) > 0)
         share = np.zeros((len(normal), DIRECTIONS), np.float32)

@@ -264,7 +264,7 @@ def test_auto_leaves_out_what_is_too_thick():
 
 
 def test_a_few_texels_say_what_comes_through_as_all_do():
-    """Behind a quarter of the texels there is as much light as behind all; half of the limit leaves out no more."""
+    """Behind a sixteenth of the texels there is as much light as behind all; half of the limit leaves out no more."""
     profile, mesh, size = gaussians(energy=0.5), slab_mesh(6.0), (240, 120)
     _, diffused = lit_below(mesh, profile, size)
     skin = mesh, profile, size, 4, False, np.array([0.5] * 3)

@@ -25,7 +25,7 @@ def sky(**more) -> EnvironmentLight:
 
 
 def plan(mesh, light, tolerance=0.01, shadows=True, radiance=None):
-    return plan_environment(light, radiance, SkyPoints(mesh, Occluder(mesh), SIZE), shadows, tolerance, 0)
+    return plan_environment(light, radiance, SkyPoints(mesh, Occluder(mesh), SIZE, tolerance), shadows, tolerance, 0)
 
 
 def light_one(mesh, light, **options):

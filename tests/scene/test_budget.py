@@ -106,3 +106,20 @@ def test_the_tolerance_of_the_look_is_that_of_the_blur_s_section():
             look(diffusion={"tolerance": value})
     for end in (1e-4, 1):
         assert look(tolerance=end).diffusion.tolerance == end
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "more", "count", "packing"),
+    [
+        (0.003, {}, 2000, "auto"),
+        (0.01, {}, 1000, "auto"),
+        (0.049, {}, 400, "auto"),
+        (0.05, {}, 400, "rle"),
+        (0.2, {"diffusion": {"probes": 7}, "output": {"dir": "out", "compression": "zip"}}, 7, "zip"),
+        (0.2, {"output": {"dir": "out", "precision": "float"}}, 400, "auto"),
+    ],
+)
+def test_a_draft_measures_and_packs_less(tolerance, more, count, packing):
+    """Both by its tolerance, unless the look says itself; long floats pack ill by RLE."""
+    spec = look(tolerance=tolerance, **more)
+    assert (spec.diffusion.probe_count, spec.packing) == (count, packing)

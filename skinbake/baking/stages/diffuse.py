@@ -86,7 +86,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             else None,
             (
                 spec.output.precision,
-                spec.output.compression,
+                spec.packing,
                 spec.output.layout,
                 spec.output.lights,
                 spec.output.seed,

@@ -86,7 +86,7 @@ class IrradianceStage(Stage[Maps, Maps]):
     def key(self) -> str:
         """Digest of all lights in their order, of how the file is packed, and of whose UVs it is on."""
         spec = self._inputs.spec
-        return key_of(self.identity, self.inputs_read, spec.output.compression, spec.output.layout, spec.texture.unwrap)
+        return key_of(self.identity, self.inputs_read, spec.packing, spec.output.layout, spec.texture.unwrap)
 
     def load(self) -> Maps | None:
         """What irradiance.exr holds."""

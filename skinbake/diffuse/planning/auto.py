@@ -97,7 +97,7 @@ def plan_auto(
     weight_rgb = weights.at_probes(probes)
     want = weighted_sum(exact, weight_rgb)
     tolerance = resources.spec.tolerance
-    judge = Judge(want, probes.weight, resources.spec.probes or VERIFYING, max(PEAK * tolerance, SEEN))
+    judge = Judge(want, probes.weight, resources.spec.probe_count or VERIFYING, max(PEAK * tolerance, SEEN))
     limit = MARGIN * tolerance
     chosen = search(options, weight_rgb, judge, limit)
     while any(not lobe[k].tried for lobe, k in zip(options, chosen, strict=True)):

@@ -26,7 +26,7 @@ from skinbake.scene.mesh import SkinMesh
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 TEXEL_MM = 0.8  # transmitted light is smooth: it is computed and stored at texels of up to these
-FEW_MM = 1.6  # of the texels by which `auto` decides where that is plain: a quarter of them
+FEW_MM = 3.2  # of the texels by which `auto` decides where that is plain: a sixteenth of them, on two heads within 0.04
 _AT_ONCE = 1 << 18  # texels that are looked behind at a time
 
 
