@@ -13,7 +13,7 @@ from skinbake.scene.lights import LightSpec
 from skinbake.scene.map_files import SKIN_RGB, Maps, MapsSpec
 from skinbake.scene.mesh_files import MeshSpec, OccluderSpec
 from skinbake.scene.output import OutputSpec, PreviewSpec
-from skinbake.scene.skin import PhysiologySkin, SkinSpec
+from skinbake.scene.skin import GaussiansSkin, PhysiologySkin, SkinSpec
 from skinbake.scene.strict import Also, Between, Fraction, Strict
 
 AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
@@ -62,6 +62,7 @@ class TextureSpec(Strict):
 
 # Half floats alone leave 0.00014 of a blur on our heads, one bounce of skin lighting skin 0.001
 DRAFT = 0.05  # from this tolerance on a bake is a draft: looked at, and made again
+DRAFT_GAUSSIANS = 4  # by which its skin is fitted where the look leaves that open
 Tolerance = Annotated[
     float, Between(1e-4, 1, "a share of the light: 0.01 is 1 %, less than 0.0001 is finer than light is stored")
 ]
@@ -273,6 +274,16 @@ class SceneSpec(Strict):
         if self.maps.albedo_rgb is None and not own:
             colour = SKIN_RGB if self.skin.normalise == "white" else (1.0, 1.0, 1.0)
             object.__setattr__(self, "maps", self.maps.model_copy(update={"albedo_rgb": colour}))
+        return self
+
+    @model_validator(mode="after")
+    def _fewer_gaussians(self) -> SceneSpec:
+        """A draft's skin is fitted by fewer of them, unless the look says how it is fitted."""
+        skin = self.skin
+        given = "fit" in skin.model_fields_set or isinstance(skin, GaussiansSkin)
+        if self.diffusion.tolerance >= DRAFT and not given:
+            fewer = skin.fit.model_copy(update={"gaussians": DRAFT_GAUSSIANS})
+            object.__setattr__(self, "skin", skin.model_copy(update={"fit": fewer}))
         return self
 
     @model_validator(mode="after")

@@ -123,3 +123,20 @@ def test_a_draft_measures_and_packs_less(tolerance, more, count, packing):
     """Both by its tolerance, unless the look says itself; long floats pack ill by RLE."""
     spec = look(tolerance=tolerance, **more)
     assert (spec.diffusion.probe_count, spec.packing) == (count, packing)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "skin", "count"),
+    [
+        (0.05, {"model": "burley", "d_mm": 1.0}, 4),
+        (0.049, {"model": "burley", "d_mm": 1.0}, 6),
+        (0.05, {"model": "burley", "d_mm": 1.0, "fit": {"gaussians": 7}}, 7),
+        (0.05, {"model": "burley", "d_mm": 1.0, "fit": {"signed": True}}, 6),
+        (0.05, {"model": "gaussians", "variance_mm2": [1.0], "weight_rgb": [[1, 1, 1]]}, 6),
+    ],
+)
+def test_a_draft_is_fitted_by_fewer_gaussians(tolerance, skin, count):
+    """Unless the look says how, or names the Gaussians themselves; what is said of a look is read again as it was."""
+    spec = look(tolerance=tolerance, skin=skin)
+    assert spec.skin.fit.gaussians == count
+    assert SceneSpec.model_validate(spec.model_dump(mode="json")).skin == spec.skin
