@@ -22,7 +22,7 @@ from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.diffuse_profile import HELD
-from skinbake.diffuse.terms.even_share import even_share, hold_back, kept_through
+from skinbake.diffuse.terms.even_share import hold_back, part_even_light
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts, slabs_of
 from skinbake.diffuse.terms.transmission import TransmittedLight, transmit, transmitted_lobe
@@ -161,11 +161,11 @@ def scatter(
         line = Decision("transmission", True, "found to be worth it")
     elif line is None:
         through, line = pass_through(thin=thin)
-    straight = even_share(diffused, thin, bends) if bends and through is not None and thin is not None else None
+    straight = None
     if through is not None and thin is not None:
         enters = [even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
-        gain = bends.left(straight) if bends else None
-        kept = kept_through(diffused, thin, enters, SkinWeights.of(gaussians, scene.maps), share, gain, times)
+        weights = SkinWeights.of(gaussians, scene.maps)
+        straight, kept = part_even_light(diffused, thin, bends, enters, weights, share, times)
         hold_back(through, thin, kept)
     thin = None  # its rays take more memory than a lobe
     return_freed()

@@ -26,7 +26,7 @@ from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import curve_skin
-from skinbake.diffuse.terms.even_share import even_share, hold_back, kept_through
+from skinbake.diffuse.terms.even_share import hold_back, part_even_light
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts, slabs_of
@@ -230,7 +230,9 @@ class Scattering:
             self.lines.append(Decision("relight.transmission", line.enabled, line.why, line.error))
             self.thin = thin if lobe else None
             if lobe and thin:
-                self._share_even_light(diffused, thin, scatter)
+                enters = [self._even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
+                even = part_even_light(diffused, thin, self._curved, enters, self._weights, scatter)
+                self._straight, self._kept = even
                 hold_back(lobe, thin, self._kept)
             return lobe
         if self.thin is None:
@@ -238,15 +240,6 @@ class Scattering:
         if self._flesh_light is None:
             self._flesh_light = FleshLight(diffused, scene.mesh, texture.udim, self.thin, self._kept)
         return self._flesh_light.lobe(diffused, scatter)
-
-    def _share_even_light(self, diffused: DiffuseMap, thin: ThinParts, scatter: float) -> None:
-        """Note what light through thin parts takes off the lobes, and what of it is kept."""
-        scene, gain = self._scene, None
-        if self._curved:
-            self._straight = even_share(diffused, thin, self._curved)
-            gain = self._curved.left(self._straight)
-        enters = [self._even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
-        self._kept = kept_through(diffused, thin, enters, self._weights, scatter, gain)
 
     def _sent_on(
         self, through: Lobe, lobes: tuple[Lobe, ...], light: Tiles, names: tuple[str, ...], left: Tiles

@@ -37,7 +37,7 @@ class FitSpec(Strict):
     """
 
     gaussians: Annotated[int, Field(ge=1, le=12)] | None = None
-    """How many Gaussians are fitted; 6 where nothing is said, 4 in a draft (a tolerance of 0.05 and more)."""
+    """How many Gaussians are fitted; 6 by default, 4 in a draft (a tolerance of 0.05 and more) without `skin.fit`."""
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
     """Fit as few Gaussians as have this r-weighted relative error, at most 12."""
     signed: bool = False

@@ -7,6 +7,7 @@ arrives.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,47 @@ from skinbake.numerics import Float, safe_div
 
 Image = NDArray[np.float32]
 LEAST = 1e-6  # albedo, and share of the light that scatters
+
+
+class EvenShare(NamedTuple):
+    """How even light is parted between the lobes and light through thin parts.
+
+    Attributes
+    ----------
+    of_gain : dict of int to ndarray of shape (h, w, 3), or None
+        By tile: what transmitted light adds of the gain that form has, where form is counted.
+    kept : list of ndarray of shape (L or 1, n, 3)
+        Of each tile: share of transmitted light with which no more leaves than arrives.
+    """
+
+    of_gain: dict[int, Image] | None
+    kept: list[Image]
+
+
+def part_even_light(
+    diffused: DiffuseMap,
+    thin: ThinParts,
+    curved: CurvedSkin | None,
+    enters: Sequence[Image],
+    weights: SkinWeights,
+    scatter: float,
+    times: Float | None = None,
+) -> EvenShare:
+    """What the lobes have to leave to light through thin parts, and what is kept of that.
+
+    Parameters
+    ----------
+    diffused : DiffuseMap
+        Blurred irradiance.
+    thin : ThinParts
+    curved : CurvedSkin, optional
+        Where it changes lobes.
+    enters, weights, scatter, times
+        As of `kept_through`.
+    """
+    of_gain = even_share(diffused, thin, curved) if curved else None
+    gain = curved.left(of_gain) if curved else None
+    return EvenShare(of_gain, kept_through(diffused, thin, enters, weights, scatter, gain, times))
 
 
 def even_share(diffused: DiffuseMap, thin: ThinParts, curved: CurvedSkin) -> dict[int, Image]:
