@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import ive
 
 from skinbake.diffuse.lattice import (
     TAIL,
@@ -31,11 +32,18 @@ def test_discrete_gaussian_equals_the_theory_s_test_vector():
 
 @given(st.floats(0, 3e4))
 def test_discrete_gaussian_sums_to_one_and_spreads_by_t(t):
-    """For every width, also past where scipy's Bessel function stops; the tail that is cut off lies just outside."""
+    """For every width; the tail that is cut off lies just outside."""
     half = discrete_gaussian(t)
     _, total, variance = _moments(half)
     assert total == pytest.approx(1, abs=1e-12)
     assert variance == pytest.approx(t, abs=2 * TAIL * len(half) ** 2)
+
+
+@given(st.floats(1e-6, 1e4))
+def test_discrete_gaussian_is_scipy_s_bessel_function(t):
+    """Of all orders that are kept."""
+    half = discrete_gaussian(t)
+    np.testing.assert_allclose(half / half[0], ive(np.arange(len(half)), t) / ive(0, t), rtol=1e-11, atol=1e-300)
 
 
 def test_discrete_gaussian_is_additive():
