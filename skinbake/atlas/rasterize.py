@@ -77,9 +77,8 @@ def _rasterize_tile(
 
     # Faces of this tile; NaN rows keep the others (and degenerate ones) out of every band
     y = corner_xy[..., 1]
-    (left, low), (right, high) = (
-        extreme.reduce(np.moveaxis(corner_xy, 1, 0)).T for extreme in (np.minimum, np.maximum)
-    )
+    first, second, third = np.moveaxis(corner_xy, 1, 0)
+    (left, low), (right, high) = (of(of(first, second), third).T for of in (np.minimum, np.maximum))
     outside = (right < 0) | (left > width) | (uv_area == 0)
     low, high = np.where(outside, np.nan, low), np.where(outside, np.nan, high)
     bands = bin_by_band(low, high, height)
