@@ -1,6 +1,6 @@
 """The atlas: the point of the skin that each texel shows."""
 
-from skinbake.atlas.coarser import coarser_atlas, coarser_size
+from skinbake.atlas.coarser import coarser_atlas, coarser_size, limited_size
 from skinbake.atlas.interpolate import interpolate
 from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, mm_per_texel, uv_jacobian
 from skinbake.atlas.on_charts import on_charts
@@ -32,6 +32,7 @@ __all__ = [
     "face_mm_per_texel",
     "first_fundamental_form",
     "interpolate",
+    "limited_size",
     "local_uv",
     "mm_per_texel",
     "on_charts",

@@ -29,6 +29,12 @@ def coarser_size(mesh: SkinMesh, size: tuple[int, int], texel_mm: float, smalles
     return max(1, -(-size[0] // coarse)), max(1, -(-size[1] // coarse))
 
 
+def limited_size(size: tuple[int, int], longest: int) -> tuple[int, int]:
+    """Width and height in the same proportion, the longer one no longer than so many texels."""
+    longer = min(longest, max(size))
+    return max(1, round(size[0] * longer / max(size))), max(1, round(size[1] * longer / max(size)))
+
+
 def coarser_atlas(mesh: SkinMesh, size: tuple[int, int], gutter: int, udim: bool, small: tuple[int, int]) -> Atlas:
     """Raster of a smaller size, with a gutter as wide on the skin.
 

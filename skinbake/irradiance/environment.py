@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import AtlasRaster
 from skinbake.irradiance.environment_plan import EnvironmentPlan
 from skinbake.irradiance.environment_share import open_shares
+from skinbake.irradiance.lattice import lattice
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.refine import refine
 from skinbake.irradiance.settled_rays import SettledRays
@@ -15,7 +15,6 @@ from skinbake.irradiance.surface import TexelSurface
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
-LATTICE_MM = 4.0  # between the first texels traced: ambient light varies over what shades it, not over texels
 CLOSE = 4  # of the lattice: within a millimetre, texels beside a chart's border go by the neighbours they have
 ROWS = 64  # of irradiance in memory at a time
 FEWEST = 256  # directions behind the oil's share where no shadows are traced
@@ -68,13 +67,3 @@ def light_environment(
     for start in range(0, len(out), ROWS):  # in strips, rather than another image
         rows = slice(start, start + ROWS)
         out[rows, :, :3] *= plan.unshadowed(surface.normal[rows], addressed[rows])
-
-
-def lattice(raster: AtlasRaster) -> int:
-    """Texels, a power of two up to 32, that span `LATTICE_MM` on average, so that finer textures ask for no more
-    rays.
-    """
-    texels, area = raster.coverage.sum(dtype=np.float64), raster.area_mm2.sum(dtype=np.float64)
-    if texels == 0 or area == 0:
-        return 1
-    return int(2 ** np.clip(np.floor(np.log2(LATTICE_MM / np.sqrt(area / texels))), 0, 5))

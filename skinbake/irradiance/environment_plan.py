@@ -7,6 +7,7 @@ traced texels takes about a third, and the directions' noise may take what these
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 
 from skinbake.irradiance.environment_map import SkySamples, cosine_irradiance, irradiance_table, look_up
 from skinbake.irradiance.harmonics import harmonic_matrix, light_by_harmonics
-from skinbake.irradiance.sky_points import SkyPoints, all_around
+from skinbake.irradiance.sky_directions import all_around
+from skinbake.irradiance.sky_points import SkyPoints
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, norm_of_all
 from skinbake.scene.decision import Decision
@@ -104,10 +106,12 @@ def plan_environment(
         if light.samples is not None:
             samples, why = light.samples, f"{light.samples} directions, asked for"
         else:
-            addressed = np.ones((1, len(points.normal)), np.bool_)
-            base = _unshadowed(matrix, table, points.normal[None], addressed)[0]
+
+            def unshadowed(normal: Image) -> Image:
+                return _unshadowed(matrix, table, normal[None], np.ones((1, len(normal)), np.bool_))[0]
+
             limit = float(np.sqrt(tolerance**2 * (1 - INTERPOLATED**2) - line.error**2))
-            samples, why, noise = _fewest_samples(sky, offset, points, base, limit, bool(light.shadows))
+            samples, why, noise = _fewest_samples(sky, offset, points, unshadowed, limit, bool(light.shadows))
             if samples:
                 noise = float(np.hypot(noise, INTERPOLATED * min(tolerance, WIDEST_VARIATION / VARIATION)))
         how = f"{samples} directions" if samples else "no shadows"
@@ -139,7 +143,7 @@ def _fewest_samples(
     sky: SkySamples,
     offset: float,
     points: SkyPoints,
-    base: Image,
+    unshadowed: Callable[[Image], Image],
     limit: float,
     must: bool,
 ) -> tuple[int, str, float]:
@@ -149,14 +153,14 @@ def _fewest_samples(
     They are doubled until they are enough; between the half and the whole, two halvings then find what is enough to an
     eighth. The noise of n directions is found from their distance to r n others, whose own noise is taken as r^-3/4 of
     it: between that of random directions, r^-1/2, and that of a low-discrepancy sequence, 1 / r. All ask the same few
-    points, whose shadows are traced once for all skies.
+    texels, whose shadows are traced once for all skies.
     """
-    share = points.shares(*sky.draw(FEWEST, offset))[:, :3]
+    base, share = unshadowed(points.normal), points.shares(*sky.draw(FEWEST, offset))[:, :3]
     without = _relative(base, base * share)
     shadows = f"shadows take {without:.2%} rms off"
     if without <= limit and not must:
         return 0, f"{shadows}, no more than {limit:.2%}", without
-    few = base[:: points.each]
+    few = unshadowed(points.few_normal)
 
     def light(count: int, shift: float) -> Float:
         return np.asarray(few * points.few_shares(*sky.draw(count, shift % 1))[:, :3], np.float64)

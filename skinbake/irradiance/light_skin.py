@@ -56,6 +56,7 @@ def light_skin(
         seed=spec.output.seed,
         tolerance=decisions.budget.sky_directions,
         occluder=scene.occluder,
+        seen=scene.sky_texels(spec.texture),
         rounded=rounded,
         tell=tell,
         zeros=zeros,

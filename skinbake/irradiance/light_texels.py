@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas
+from skinbake.atlas import FIRST_TILE, Atlas
 from skinbake.irradiance.environment import light_environment
 from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.irradiance_map import IrradianceMap
@@ -17,6 +17,7 @@ from skinbake.irradiance.punctual_light import Unshadowed, colour, emitter, unsh
 from skinbake.irradiance.rectangle import light_rectangle
 from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.sky_points import SkyPoints
+from skinbake.irradiance.sky_texels import SkyTexels, sky_texels
 from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
@@ -44,6 +45,7 @@ def light_texels(
     seed: int = 0,
     tolerance: float = 0.01,
     occluder: Occluder | None = None,
+    seen: SkyTexels | None = None,
     rounded: Callable[[Image], NDArray[np.floating]] = lambda image: image,
     tell: Callable[[str], None] = lambda text: None,
     zeros: Zeros = np.zeros,
@@ -73,6 +75,8 @@ def light_texels(
         Rms error of an environment's light, by which its plan is made.
     occluder : Occluder, optional
         The mesh's, where somebody has one already.
+    seen : SkyTexels, optional
+        Of the mesh and the texture, likewise: skies are planned by what they see.
     rounded : callable
         Takes a light's (H, W, 4), irradiance and unshadowed share, and gives what is to be kept of it before the next
         is computed in its place: with halves, only one light's floats are in memory.
@@ -84,7 +88,8 @@ def light_texels(
     specular, occluder = specular or SpecularSpec(), occluder or Occluder(mesh)
     table = oil_table(specular) if energy_conservation else np.zeros((0, 0, 2))
     height, width = atlas[0].shape
-    points = SkyPoints(mesh, occluder, (width, height), tolerance)
+    size, udim = (width, height), [raster.tile for raster in atlas] != [FIRST_TILE]
+    points = SkyPoints(seen or sky_texels(mesh, occluder, size, 0, udim), size, tolerance)
     skies = {
         light.name: plan_environment(light, (environments or {}).get(light.name), points, shadows, tolerance, seed)
         for light in lights
@@ -95,7 +100,7 @@ def light_texels(
     maps_out, dark = [], set(names)
     for raster in atlas:
         surface = texel_surface(raster, mesh, maps, specular, occluder, zeros)
-        rgb = seen = None
+        rgb = visible = None
         lit = zeros((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
         for k, light in enumerate(lights):
             tell(f"{light.name}, {k + 1} of {len(lights)}")
@@ -109,12 +114,12 @@ def light_texels(
                 _light_one(surface, occluder, light, casts, table, lit)
             kept = rounded(lit)
             rgb = _with(rgb, k, kept[..., :3], len(lights), zeros)
-            seen = _with(seen, k, kept[..., 3], len(lights), zeros)
+            visible = _with(visible, k, kept[..., 3], len(lights), zeros)
         del surface, lit, kept
         assert rgb is not None
-        assert seen is not None
+        assert visible is not None
         dark -= {name for name, image in zip(names, rgb, strict=True) if any(row.any() for row in image)}
-        maps_out.append(IrradianceMap(raster.tile, names, rgb, seen, raster.coverage, plan))
+        maps_out.append(IrradianceMap(raster.tile, names, rgb, visible, raster.coverage, plan))
     for name in names:
         if name in dark:
             plan[name] = (*plan.get(name, ()), Decision(name, False, DARK))

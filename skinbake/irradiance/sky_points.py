@@ -1,4 +1,4 @@
-"""Points of the skin by which skies are planned: what a few of them see of the sky is traced once for every sky."""
+"""Places of the skin by which skies are planned: what a few of them see of the sky is traced once for every sky."""
 
 from __future__ import annotations
 
@@ -9,52 +9,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.environment_share import open_shares, shares_of
-from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.open_directions import WHOLE
+from skinbake.irradiance.sky_texels import SkyTexels
 from skinbake.irradiance.surface import scattered_origins
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float
-from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 FEWEST, MOST = 2048, 16384  # points of the skin: a dark place that fills one in the most of them costs 0.8 % rms
-TELL = 512  # of them tell what they see
-DIRECTIONS = 1024  # all around, each for the part of the sphere that is nearest to it
 
 
 class SkyPoints:
-    """Points scattered over the skin.
+    """Points scattered over the skin, and texels that stand for it and tell what they see.
+
+    The points are asked about a few directions of each sky; there are more of them than a small atlas has texels. The
+    texels are asked about all directions, once: the same that relighting asks.
 
     Parameters
     ----------
-    mesh : SkinMesh
-    occluder : Occluder
-        The mesh's.
+    texels : SkyTexels
     size : (width, height)
         Of the texture.
     tolerance : float
         Rms error of a sky: there are so many points that a dark place between them costs half of it, about.
-
-    Attributes
-    ----------
-    each : int
-        One point in so many tells what it sees.
     """
 
-    def __init__(self, mesh: SkinMesh, occluder: Occluder, size: tuple[int, int], tolerance: float) -> None:
-        self._mesh, self._occluder, self._size = mesh, occluder, size
-        wanted = min(max((2 / tolerance) ** 2, FEWEST), MOST)
-        self.each = int(wanted) // TELL
+    def __init__(self, texels: SkyTexels, size: tuple[int, int], tolerance: float) -> None:
+        self._texels, self._size = texels, size
+        self._count = int(min(max((2 / tolerance) ** 2, FEWEST), MOST))
 
     @cached_property
     def _places(self) -> tuple[Image, Image]:
         """Where rays start, and smooth normals, (n, 3)."""
-        return scattered_origins(self._mesh, self._occluder, self._size, self.each * TELL)
+        return scattered_origins(self._texels.mesh, self._texels.occluder, self._size, self._count)
 
     @property
     def normal(self) -> Image:
         """Smooth normals of all points, (n, 3)."""
         return self._places[1]
+
+    @property
+    def few_normal(self) -> Image:
+        """Smooth normals of the few that tell what they see, (m, 3)."""
+        return self._few.normal[self._numbers]
 
     def shares(self, directions: Image, weights: Image) -> Image:
         """Share of R, G, B and of their sum that arrives at every point, traced, (n, 4).
@@ -64,48 +61,49 @@ class SkyPoints:
         directions, weights : ndarrays of shape (s, 3)
             As `SkySamples.draw` gives them.
         """
-        return open_shares(*self._places, directions, weights, self._occluder)
+        return open_shares(*self._places, directions, weights, self._texels.occluder)
 
     def few_shares(self, directions: Image, weights: Image) -> Image:
-        """The same of one point in `each`, (m, 4), by what it sees of the direction nearest to each.
+        """The same of the few, (m, 4), by what they see of the direction nearest to each.
 
         Parameters
         ----------
         directions, weights : ndarrays of shape (s, 3)
         """
         near = np.empty(len(directions), np.int64)
-        parallel_for(_find_nearest, len(near), directions, self._few.towards, near)
+        parallel_for(_find_nearest, len(near), directions, self._texels.towards, near)
         out = np.empty((len(self._few.normal), 2, 4))
         parallel_for(_sum, len(out), self._few, _Drawn(directions, weights, near), out)
-        return shares_of(out)
+        return shares_of(out)[self._numbers]
 
     @cached_property
     def _few(self) -> _Few:
-        """What a few of the points see."""
-        origin, normal = (np.ascontiguousarray(each[:: self.each]) for each in self._places)
-        towards = all_around(DIRECTIONS).astype(np.float32)
-        point, direction = np.nonzero(np.einsum("ni,di->nd", normal, towards) > 0)
-        share = np.zeros((len(normal), DIRECTIONS), np.float32)
-        share[point, direction] = self._occluder.unhindered(
-            origin[point], towards[direction], np.full(len(point), np.inf, np.float32)
-        )
-        return _Few(normal, towards, share)
+        """What texels of all tiles see, each once."""
+        seen = self._texels.seen.values()
+        return _Few(np.concatenate([each.normal for each in seen]), np.concatenate([each.share for each in seen]))
+
+    @cached_property
+    def _numbers(self) -> NDArray[np.int64]:
+        """Which rows of `_few` stand for equal areas, (m,)."""
+        before, found = 0, []
+        for tile, seen in self._texels.seen.items():
+            found.append(before + np.searchsorted(seen.texels, self._texels.numbers[tile]))
+            before += len(seen.texels)
+        return np.concatenate(found)
 
 
 class _Few(NamedTuple):
-    """What points see of directions all around.
+    """What texels see of directions all around.
 
     Attributes
     ----------
-    normal : ndarray of shape (m, 3), float32
-    towards : ndarray of shape (D, 3), float32
-    share : ndarray of shape (m, D), float32
-        Of light from each; 0 below the horizon.
+    normal : ndarray of shape (k, 3), float32
+    share : ndarray of shape (k, D), uint8
+        Of light from each, in parts of `WHOLE`.
     """
 
     normal: Image
-    towards: Image
-    share: Image
+    share: NDArray[np.uint8]
 
 
 class _Drawn(NamedTuple):
@@ -162,7 +160,7 @@ def _sum(first, stop, points, drawn, out):  # type: ignore[no-untyped-def]
         Points.
     points : _Few
     drawn : _Drawn
-    out : ndarray of shape (m, 2, 4)
+    out : ndarray of shape (k, 2, 4)
         Written.
     """
     normal, towards, weights = points.normal, drawn.directions, drawn.weights
@@ -173,17 +171,10 @@ def _sum(first, stop, points, drawn, out):  # type: ignore[no-untyped-def]
                 normal[i, 0] * towards[s, 0] + normal[i, 1] * towards[s, 1] + normal[i, 2] * towards[s, 2]
             )
             if cosine > 0.0:
-                share = points.share[i, drawn.near[s]]
+                share = np.float64(points.share[i, drawn.near[s]]) / WHOLE
                 for c in range(3):
                     sent = cosine * weights[s, c]
                     out[i, 0, c] += sent
                     out[i, 1, c] += sent * share
         for k in range(2):
             out[i, k, 3] = out[i, k, 0] + out[i, k, 1] + out[i, k, 2]
-
-
-def all_around(count: int) -> Float:
-    """Unit vectors spread evenly over the sphere (Fibonacci's spiral), shape (count, 3)."""
-    step = np.arange(count)
-    y, turn = 1 - (2 * step + 1) / count, step * np.pi * (3 - np.sqrt(5))
-    return np.stack([np.sqrt(1 - y * y) * np.cos(turn), y, np.sqrt(1 - y * y) * np.sin(turn)], axis=-1)

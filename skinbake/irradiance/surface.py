@@ -138,6 +138,29 @@ def texel_surface(
     )
 
 
+def places_of_texels(raster: AtlasRaster, texels: Index, mesh: SkinMesh, occluder: Occluder) -> tuple[Image, Image]:
+    """Ray origins of some texels (row * W + col), mm, and the smooth normals there, both (n, 3).
+
+    The same as those of `texel_surface`, which works out those of all.
+
+    Parameters
+    ----------
+    raster : AtlasRaster
+    texels : ndarray of shape (n,), int64
+    mesh : SkinMesh
+    occluder : Occluder
+    """
+    height, width = raster.shape
+    face, barycentric = raster.face_index.reshape(1, -1)[:, texels], raster.barycentric.reshape(1, -1, 2)[:, texels]
+    nothing = np.zeros(face.shape, np.float32)
+    some = AtlasRaster(raster.tile, face, barycentric, nothing, nothing)
+    normal, _ = shading_normals(some, mesh, SkinMaps())
+    unused, one = np.zeros((len(mesh.faces), 2, 2)), np.zeros((1, 1), np.float32)  # one ray a texel, from its centre
+    texel_mm = face_mm_per_texel(mesh, (width, height)).min(axis=1)
+    surface = TexelSurface(some, normal, normal, one, one, one.astype(np.float64), occluder, texel_mm, unused)
+    return surface.origins(np.arange(len(texels))), normal[0]
+
+
 def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int], count: int) -> tuple[Image, Image]:
     """Ray origins at points spread evenly over the skin's area, mm, and the smooth normals there, both (count, 3).
 

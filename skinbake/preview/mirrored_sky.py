@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from skinbake.irradiance.environment_map import Image, SkySamples, direction_of
-from skinbake.irradiance.sky_points import all_around
+from skinbake.irradiance.sky_directions import all_around
 from skinbake.numerics import Float, safe_div
 
 DIM = 2.0  # times the mean radiance

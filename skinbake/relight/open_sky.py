@@ -7,27 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, AtlasRaster, Tiles, coarser_atlas, signed_uv_area
-from skinbake.irradiance.environment import lattice
-from skinbake.irradiance.environment_share import aim
+from skinbake.atlas import Atlas, AtlasRaster, Tiles
+from skinbake.irradiance.lattice import lattice
 from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.open_directions import WHOLE, open_directions
 from skinbake.irradiance.scene_data import SceneData
-from skinbake.irradiance.settled_rays import Answers, SettledRays, has_bit, set_bit
-from skinbake.irradiance.sky_points import all_around
+from skinbake.irradiance.settled_rays import SettledRays
+from skinbake.irradiance.sky_texels import Seen, SkyTexels
 from skinbake.irradiance.surface import texel_surface
 from skinbake.kernels.compile import kernel
-from skinbake.kernels.threads import for_slices, parallel_for
+from skinbake.kernels.threads import parallel_for
 from skinbake.relight.harmonics import harmonics
 from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
-DIRECTIONS = 1024  # all around, half of them above a texel's horizon
-TEXEL_MM = 2.0  # of the small atlas, on average; penumbras of what 25 textures can hold are a centimetre and more wide
-SMALLEST = 64  # texels of its shorter side
-WHOLE = 255  # a share of 1
 SEEN_ORDER = 2  # of harmonics by which the oil knows what is open
-RAYS = 1 << 16  # that a thread has in memory at a time
-_CELLS_BITS = 5  # cells along each axis by which directions are put in order: 2^5
 
 
 @dataclass(frozen=True)
@@ -60,59 +54,37 @@ class OpenSky:
     shadows: bool
 
 
-def small_size(scene: SceneData, size: tuple[int, int]) -> tuple[int, int]:
-    """Width and height of an atlas whose texels hold `TEXEL_MM`^2 of skin on average, a whole number of the full one's.
-
-    Parameters
-    ----------
-    scene : SceneData
-    size : (width, height)
-        Of the full texture, the largest that comes back.
-    """
-    texels = np.abs(signed_uv_area(scene.mesh)).sum() * size[0] * size[1]
-    full_mm = float(np.sqrt(scene.mesh.face_area_mm2.sum() / max(texels, 1e-12)))
-    coarser = max(1, min(round(TEXEL_MM / max(full_mm, 1e-6)), min(size) // SMALLEST))
-    return max(1, -(-size[0] // coarser)), max(1, -(-size[1] // coarser))
-
-
-def open_sky(spec: SceneSpec, scene: SceneData, size: tuple[int, int], directions: int = DIRECTIONS) -> OpenSky:
-    """Trace rays from every texel to the directions above its horizon.
+def open_sky(spec: SceneSpec, scene: SceneData, texels: SkyTexels) -> OpenSky:
+    """Trace rays from every texel to directions above its horizon, but those that are traced for plans of skies.
 
     Parameters
     ----------
     spec : SceneSpec
         `shadows: false` leaves everything open.
     scene : SceneData
-    size : (width, height)
-        Of the small atlas.
-    directions : int
+    texels : SkyTexels
+        Of the scene.
     """
-    texture = spec.texture
-    atlas = coarser_atlas(scene.mesh, texture.size, texture.gutter, texture.udim, size)
-    towards = all_around(directions).astype(np.float32)
-    towards = towards[near_together(towards)]
     rows, origins, normals, shares = {}, {}, {}, {}
-    for raster in atlas:
+    for raster in texels.atlas:
         surface = texel_surface(raster, scene.mesh, scene.maps, spec.specular, scene.occluder)
-        texels = np.flatnonzero(raster.addressed)
+        addressed = np.flatnonzero(raster.addressed)
         row = np.full(raster.shape, -1, np.int32)
-        row.reshape(-1)[texels] = np.arange(len(texels), dtype=np.int32)
-        origin, normal = surface.origins(texels), surface.smooth_normal.reshape(-1, 3)[texels]
-        occluder = scene.occluder if spec.shadows else None
+        row.reshape(-1)[addressed] = np.arange(len(addressed), dtype=np.int32)
+        origin, normal = surface.origins(addressed), surface.smooth_normal.reshape(-1, 3)[addressed]
+        occluder, seen = (scene.occluder, texels.seen[raster.tile]) if spec.shadows else (None, None)
         rows[raster.tile], origins[raster.tile], normals[raster.tile] = row, origin, normal
-        shares[raster.tile] = _shares(raster, surface.smooth_normal, origin, towards, occluder)
-    return OpenSky(atlas, towards, origins, normals, rows, shares, spec.shadows)
-
-
-def near_together(towards: Image) -> NDArray[np.int64]:
-    """Order of unit directions (D, 3) in which those that follow each other are near: by an octree's cells."""
-    cell = np.minimum(((towards + 1) * 2 ** (_CELLS_BITS - 1)).astype(np.int64), 2**_CELLS_BITS - 1)
-    place = sum((cell[:, axis] >> bit & 1) << (3 * bit + axis) for bit in range(_CELLS_BITS) for axis in range(3))
-    return np.argsort(place, kind="stable")
+        shares[raster.tile] = _shares(raster, surface.smooth_normal, origin, texels.towards, occluder, seen)
+    return OpenSky(texels.atlas, texels.towards, origins, normals, rows, shares, spec.shadows)
 
 
 def _shares(
-    raster: AtlasRaster, smooth_normal: Image, origin: Image, towards: Image, occluder: Occluder | None
+    raster: AtlasRaster,
+    smooth_normal: Image,
+    origin: Image,
+    towards: Image,
+    occluder: Occluder | None,
+    seen: Seen | None,
 ) -> NDArray[np.uint8]:
     """Shares of a tile's n texels by direction, (n, D): of those between others only what these do not agree on.
 
@@ -125,49 +97,31 @@ def _shares(
     towards : ndarray of shape (D, 3)
     occluder : Occluder, optional
         None: nothing is in the way.
+    seen : Seen, optional
+        Of this tile: texels that are traced already.
     """
     texels, coarsest = np.flatnonzero(raster.addressed), lattice(raster)
     row, col = np.divmod(texels, raster.shape[1])
     normal = smooth_normal.reshape(-1, 3)[texels]
     settled = SettledRays(raster.addressed, smooth_normal, coarsest, len(towards))
     share, undone, stride = np.empty((len(texels), len(towards)), np.uint8), np.ones(len(texels), np.bool_), coarsest
+    in_seen = np.full(len(texels), -1)
+    if seen is not None:
+        in_seen[np.searchsorted(texels, seen.texels)] = np.arange(len(seen.texels))
     while stride:
         these = np.flatnonzero(undone & (row % stride == 0) & (col % stride == 0))
         answers = settled.of(texels[these], stride)
-        share[these] = _traced(origin[these], normal[these], towards, occluder, answers)
+        known, new = np.flatnonzero(in_seen[these] >= 0), np.flatnonzero(in_seen[these] < 0)
+        if seen is not None:
+            of = in_seen[these[known]]
+            share[these[known]], answers[known] = seen.share[of], seen.answers[of]
+        asked, found = these[new], answers[new]
+        share[asked] = open_directions(origin[asked], normal[asked], towards, occluder, found)
+        answers[new] = found
         undone[these] = False
         if stride > 1:
             settled.keep(texels[these], answers)
         stride //= 2
-    return share
-
-
-def _traced(
-    origin: Image, normal: Image, towards: Image, occluder: Occluder | None, answers: Answers
-) -> NDArray[np.uint8]:
-    """Shares of points (n, 3) by direction, (n, D).
-
-    Parameters
-    ----------
-    origin, normal : ndarrays of shape (n, 3)
-    towards : ndarray of shape (D, 3)
-    occluder : Occluder, optional
-    answers : ndarray of shape (n, 2, words), changed in place
-        What is known; completed.
-    """
-    columns = np.ascontiguousarray(towards.T)
-    share = np.empty((len(origin), len(towards)), np.uint8)
-
-    def trace(part: slice) -> None:
-        starts, rays = (np.empty((len(share[part]) * len(towards), 3), np.float32) for _ in range(2))
-        count = aim(origin[part], normal[part], columns, answers[part], starts, rays)
-        clear = np.ones(count, np.float32)
-        if occluder is not None:
-            reach = np.full(count, np.inf, np.float32)
-            clear = occluder.unhindered(starts[:count], rays[:count], reach).astype(np.float32)
-        _keep(clear, normal[part], columns, answers[part], share[part])
-
-    for_slices(trace, len(origin), max(1, RAYS // len(towards)))
     return share
 
 
@@ -206,42 +160,3 @@ def _project(first: int, stop: int, share: NDArray[np.uint8], part: Image, out: 
             seen = np.float32(share[i, d])
             for j in range(part.shape[1]):
                 out[i, j] += seen * part[d, j]
-
-
-@kernel
-def _keep(clear: Image, normal: Image, columns: Image, answers: Answers, share: NDArray[np.uint8]) -> None:
-    """Write the shares, by `aim`'s rays and what was known, and each texel's cosine-weighted mean below its horizon.
-
-    Parameters
-    ----------
-    clear : ndarray of shape (rays,)
-    normal : ndarray of shape (n, 3)
-    columns : ndarray of shape (3, D)
-    answers : ndarray of shape (n, 2, words)
-        Completed; what a ray passes in part is neither open nor blocked.
-    share : ndarray of shape (n, D)
-        Written.
-    """
-    ray = 0
-    for i in range(len(normal)):
-        seen, whole = 0.0, 0.0
-        for d in range(columns.shape[1]):
-            cosine = normal[i, 0] * columns[0, d] + normal[i, 1] * columns[1, d] + normal[i, 2] * columns[2, d]
-            if cosine > 0.0:
-                if has_bit(answers[i, 0], d):
-                    passed = np.float32(1)
-                elif has_bit(answers[i, 1], d):
-                    passed = np.float32(0)
-                else:
-                    passed = clear[ray]
-                    ray += 1
-                    if passed == 0.0 or passed == 1.0:
-                        set_bit(answers[i, 0 if passed > 0.0 else 1], d)
-                share[i, d] = np.uint8(255.0 * passed + 0.5)
-                seen += cosine * passed
-                whole += cosine
-        mean = np.uint8(255.0 * seen / whole + 0.5) if whole > 0.0 else np.uint8(0)
-        for d in range(columns.shape[1]):
-            cosine = normal[i, 0] * columns[0, d] + normal[i, 1] * columns[1, d] + normal[i, 2] * columns[2, d]
-            if not cosine > 0.0:
-                share[i, d] = mean

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, Tiles, rasterize
+from skinbake.atlas import Atlas, Tiles, limited_size, rasterize
 from skinbake.diffuse.light_entering import reference_reflectance
 from skinbake.diffuse.memory import memory_needed_bytes
 from skinbake.errors import MachineError
@@ -28,7 +28,7 @@ from skinbake.relight.grey_lights import keep_light
 from skinbake.relight.harmonics import harmonics, harmonics_of_sky
 from skinbake.relight.judge_basis import DirectBake, judge_basis
 from skinbake.relight.light_error import KindError
-from skinbake.relight.open_sky import OpenSky, open_sky, small_size, visibility_harmonics
+from skinbake.relight.open_sky import OpenSky, open_sky, visibility_harmonics
 from skinbake.relight.passing_images import let_go, passing_zeros
 from skinbake.relight.scattering import Scattering
 from skinbake.relight.seen_skin import seen_skin
@@ -78,9 +78,7 @@ class Transfer:
 def transfer_size(spec: SceneSpec) -> tuple[int, int]:
     """Width and height of the textures of `relight`, in the proportion of the look's."""
     assert spec.relight is not None
-    width, height = spec.texture.size
-    longer = min(spec.relight.size or DEFAULT_SIZE, max(width, height))
-    return max(1, round(width * longer / max(width, height))), max(1, round(height * longer / max(width, height)))
+    return limited_size(spec.texture.size, spec.relight.size or DEFAULT_SIZE)
 
 
 def at_texture_size(spec: SceneSpec, size: tuple[int, int]) -> SceneSpec:
@@ -128,8 +126,11 @@ def make_transfer(
         spec.specular, oil_table(spec.specular) if decisions.energy_conservation.enabled else NO_OIL, slant
     )
     say("relighting: tracing what is open to the sky")
-    small = at_texture_size(spec, small_size(scene, full.texture.size))
-    sky = open_sky(full, scene, small.texture.size)
+    texels = scene.sky_texels(spec.texture)  # which the plans of the look's own skies ask
+    if max(texels.size) > max(full.texture.size):
+        texels = scene.sky_texels(full.texture)
+    small = at_texture_size(spec, texels.size)
+    sky = open_sky(full, scene, texels)
     say("relighting: choosing lights")
     basis, line = _choose(relight, scene, sky, passage, spec.output.seed)
     lines += [line, *_left_out(spec)]

@@ -12,6 +12,7 @@ from skinbake.irradiance import light_texels
 from skinbake.irradiance.environment_plan import plan_environment
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.sky_points import SkyPoints
+from skinbake.irradiance.sky_texels import sky_texels
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.maps import SkinMaps
@@ -25,7 +26,8 @@ def sky(**more) -> EnvironmentLight:
 
 
 def plan(mesh, light, tolerance=0.01, shadows=True, radiance=None):
-    return plan_environment(light, radiance, SkyPoints(mesh, Occluder(mesh), SIZE, tolerance), shadows, tolerance, 0)
+    points = SkyPoints(sky_texels(mesh, Occluder(mesh), SIZE, 2, False), SIZE, tolerance)
+    return plan_environment(light, radiance, points, shadows, tolerance, 0)
 
 
 def light_one(mesh, light, **options):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skinbake.irradiance.environment_map import direction_of
-from skinbake.irradiance.sky_points import all_around
+from skinbake.irradiance.sky_directions import all_around
 from skinbake.relight.harmonics import harmonics, harmonics_of_sky, turned
 
 QUADRATURE = 2e-3  # of 4096 directions spread evenly, for products of two harmonics of order 4

@@ -7,8 +7,10 @@ import pytest
 
 from skinbake.diffuse.terms.bounced_light import bounced_light
 from skinbake.diffuse.terms.skin_view import look_around
+from skinbake.irradiance import sky_texels as sky_texels_module
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
+from skinbake.irradiance.sky_texels import SkyTexels
 from skinbake.relight import open_sky as open_sky_module
 from skinbake.relight.open_sky import open_sky
 from skinbake.relight.seen_skin import RAYS, seen_skin
@@ -37,8 +39,13 @@ def corner():
         "output": {"dir": "out"},
     }
     looks = {shadows: SceneSpec.model_validate({**look, "shadows": shadows}) for shadows in (True, False)}
-    found = {shadows: open_sky(look, scene, (SIZE[0] // 2, SIZE[1] // 2)) for shadows, look in looks.items()}
+    found = {shadows: open_sky(look, scene, texels(scene)) for shadows, look in looks.items()}
     return scene, {**found, "look": looks[True]}
+
+
+def texels(scene):
+    """Those of an atlas of half the size."""
+    return SkyTexels(scene.mesh, scene.occluder, (SIZE[0] // 2, SIZE[1] // 2))
 
 
 def lit(scene, view):
@@ -81,9 +88,10 @@ def test_texels_between_others_ask_what_these_do_not_agree_on(corner, monkeypatc
     )
     shares, rays = [], []
     for apart in (1, 2):
-        monkeypatch.setattr(open_sky_module, "lattice", lambda raster, apart=apart: apart)
+        for module in (open_sky_module, sky_texels_module):
+            monkeypatch.setattr(module, "lattice", lambda raster, apart=apart: apart)
         asked.clear()
-        shares.append(open_sky(found["look"], scene, (SIZE[0] // 2, SIZE[1] // 2)).share[1001])
+        shares.append(open_sky(found["look"], scene, texels(scene)).share[1001])
         rays.append(sum(asked))
     assert 0 < rays[1] < 0.6 * rays[0]
     assert (shares[0] == 0).any()

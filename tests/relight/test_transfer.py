@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 
+import numpy as np
 import pytest
 
 import skinbake
@@ -12,9 +13,13 @@ from skinbake.diffuse import add_bounces
 from skinbake.diffuse.terms.thin_parts import FEW_MM, TEXEL_MM
 from skinbake.errors import MachineError
 from skinbake.irradiance import sky_points
+from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.sky_directions import DIRECTIONS, sky_directions
+from skinbake.relight import open_sky as open_sky_module
 from skinbake.relight import scattering, transfer
 
 light_texels = importlib.import_module("skinbake.irradiance.light_texels")  # the package has its function
+SUNS = {"suns": [((0.3, -0.2, -0.9), (1.0, 2.0, 3.0)), ((-0.5, 0.5, 0.1), (1.0, 1.0, 1.0))]}
 LEFT = (("interreflection", r"worth it from ([\d.]+)%"), ("transmission", r"\(rms ([\d.]+)%\)$"))
 
 
@@ -69,6 +74,36 @@ def test_skies_that_judge_trace_nothing_for_their_plans(baked, monkeypatch):
     monkeypatch.setattr(sky_points, "scattered_origins", lambda *_: pytest.fail("a sky's plan traces rays of its own"))
     baked("relight.textures=4", "terms.energy_conservation=off")
     assert [light.name for light in planned] == ["sky-0", "soft-box-0", "sky-0-again", "soft-box-0-again"]
+
+
+@pytest.mark.parametrize("mesh", ["mesh.obj", "tiles.obj"])
+def test_what_the_plan_of_a_sky_traces_is_traced_once(baked, monkeypatch, mesh):
+    """A look with a sky and textures traces what either alone does, less the rays of the plan; and bakes the same."""
+    asked, unhindered = [], Occluder.unhindered
+    monkeypatch.setattr(
+        Occluder, "unhindered", lambda self, *rays: asked.append(len(rays[0])) or unhindered(self, *rays)
+    )
+    seen, once = [], open_sky_module.open_sky
+    monkeypatch.setattr(transfer, "open_sky", lambda spec, scene, of: seen.append(of.seen) or once(spec, scene, of))
+    lights = "lights=[{name: sky, type: environment, radiance: [1, 0.9, 0.8], shadows: true}]"
+    size = "[40, 48]" if mesh == "tiles.obj" else "[60, 48]"
+    more = (f"mesh.path={baked.folder / mesh}", "texture.udim=true", f"texture.size={size}", "relight.textures=4",
+            "specular.strength=0.1")  # fmt: skip
+    both, traced = baked(*more, lights), {"both": sum(asked)}
+    for name, changes in {"sky": (*more, lights, "relight=null"), "relight": more}.items():
+        asked.clear()
+        made = baked(*changes)
+        traced[name] = sum(asked)
+        for tile in made.tiles:
+            if name == "sky":
+                assert made.radiant_exitance(tile=tile).tobytes() == both.radiant_exitance(tile=tile).tobytes()
+                assert made.irradiance("sky", tile=tile).tobytes() == both.irradiance("sky", tile=tile).tobytes()
+            else:
+                assert made.relight(tile=tile, **SUNS).tobytes() == both.relight(tile=tile, **SUNS).tobytes()
+    assert any(line.term == "sky.shadows" and line.enabled for line in both.plan)
+    facing = sum(np.count_nonzero(np.einsum("ni,di->nd", of.normal, sky_directions()) > 0) for of in seen[0].values())
+    assert traced["sky"] + traced["relight"] - traced["both"] == facing
+    assert facing > 100 * DIRECTIONS
 
 
 def test_each_light_s_memory_goes_back_once_its_texture_is_made(baked, monkeypatch):
