@@ -20,6 +20,7 @@ from skinbake.diffuse.memoize import Kind, Make, Values
 from skinbake.diffuse.memory import check_memory, disk_needed_bytes
 from skinbake.diffuse.notices import too_much
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
+from skinbake.diffuse.small_blur import SmallBlur
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.diffuse_profile import HELD
 from skinbake.diffuse.terms.even_share import hold_back, part_even_light
@@ -153,7 +154,7 @@ def scatter(
     if line is None and terms.transmission != "off":
         thin = thin or look_behind()
         arrived = SmallLight.of(entering.rgb, thin) if skin_light else None
-    even_rgb = entering.even_rgb
+    even_rgb, everywhere = entering.even_rgb, entering.everywhere and entering.everywhere._replace(rgb={})
     del entering
     through = None
     if found and thin is not None:
@@ -161,17 +162,25 @@ def scatter(
         line = Decision("transmission", True, "found to be worth it")
     elif line is None:
         through, line = pass_through(thin=thin)
-    straight = None
+    straight, small_blur = None, None
+    otherwise = [False] * len(diffused.lights) if times is None else [bool((each != 1).any()) for each in times]
     if through is not None and thin is not None:
+        if skin_light or everywhere:
+            small = skin_light.view.atlas if skin_light else tuple(tile.raster for tile in thin.tiles)
+            small_blur = SmallBlur(small, scene.mesh, gaussians, scene.maps, spec.diffusion, diffused.lobes, everywhere)
         enters = [even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
         weights = SkinWeights.of(gaussians, scene.maps)
-        straight, kept = part_even_light(diffused, thin, bends, enters, weights, share, times)
+        even = small_blur.of_even_light() if small_blur and any(otherwise) else None
+        straight, kept = part_even_light(diffused, thin, bends, enters, weights, share, times, even)
         hold_back(through, thin, kept)
     thin = None  # its rays take more memory than a lobe
     return_freed()
     lobes = bends.applied(diffused.lobes, straight, aside.lobe) if bends else diffused.lobes
-    if through is not None and arrived is not None and skin_light is not None:
-        through = sent_on(through, lobes, arrived, diffused.lights, skin_light, spec, scene, gaussians, aside.rest)
+    if through is not None and arrived is not None and skin_light is not None and small_blur is not None:
+        through = sent_on(
+            through, lobes, arrived, diffused.lights, skin_light, small_blur, spec, scene, gaussians, aside.rest,
+            curved=bends, otherwise=otherwise,
+        )  # fmt: skip
     through = through and aside.lobe(through)
     if gaussians.table is not None:
         plan = (table_decision(gaussians, gaussians.table, spec.skin), *plan)

@@ -2,7 +2,7 @@
 
 What `interreflection` sends is irradiance times what leaves of it, and a wall that only gets light through the flesh
 has no irradiance. So M, once it is known, less that product is sent on, bounce after bounce as ever, and what leaves
-of it is added to transmitted light, unblurred: it is smooth (theory.md 9.7).
+of it is added to transmitted light, blurred by the same lobes at the few texels that it is found at (theory.md 9.7).
 """
 
 from __future__ import annotations
@@ -22,11 +22,14 @@ from skinbake.bilinear import add_magnified, magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.light_entering import albedo_of
 from skinbake.diffuse.skin_weights import SkinWeights
+from skinbake.diffuse.small_blur import SmallBlur
 from skinbake.diffuse.terms.bounced_light import SkinLight, fitted, lights_at_once, middles
+from skinbake.diffuse.terms.curvature import CurvedSkin
 from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import on_threads, parallel_for
+from skinbake.numerics import safe_div
 from skinbake.profile import GaussianSum
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
@@ -63,11 +66,14 @@ def sent_on(
     entered: SmallLight,
     names: Sequence[str],
     skin_light: SkinLight,
+    blur: SmallBlur,
     spec: SceneSpec,
     scene: SceneData,
     gaussians: GaussianSum,
     rest: Callable[[], None] = lambda: None,
     left: Mapping[int, Image] | None = None,
+    curved: CurvedSkin | None = None,
+    otherwise: Sequence[bool] = (),
 ) -> Lobe:
     """Transmitted light with what other skin gets of it. Takes the pixels out of `through`.
 
@@ -82,6 +88,8 @@ def sent_on(
     names : sequence of L str
         Of the lights; those without interreflection are left as they are.
     skin_light : SkinLight
+    blur : SmallBlur
+        By the same lobes, of the texels that receive light from skin.
     spec : SceneSpec
     scene : SceneData
     gaussians : GaussianSum
@@ -89,6 +97,10 @@ def sent_on(
         Frees the memory of each lobe that was read.
     left : mapping of int to ndarray of shape (L, H, W, 3), optional
         By tile: the weighted sum of the lobes at the full size, where somebody has it.
+    curved : CurvedSkin, optional
+        Where it changes lobes.
+    otherwise : sequence of L bool, optional
+        As in `SmallBlur.lobes`.
     """
     atlas = entered.atlas
     albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
@@ -116,11 +128,43 @@ def sent_on(
             area += 3 * float(of.sum())
         least = LEFT_OUT * spec.diffusion.tolerance * np.sqrt(square / max(area, 1e-30))
         arrives = skin_light.lit_by([names[i] for i in some], sent)
-        for raster, small, colour, share in zip(atlas, arrives, enters, total, strict=True):
+        lit_again = _blurred(
+            arrives, blur, curved, skin_light.view.atlas, weights, [otherwise[i] for i in some if otherwise]
+        )
+        for raster, small, colour, share in zip(atlas, lit_again, enters, total, strict=True):
             of_skin = raster.face_index, colour, share.astype(np.float32, copy=False)
             for k, i in enumerate(some):
                 parallel_for(_add, raster.shape[0], small[k], np.float32(least[k]), of_skin, tiles[raster.tile][i])
     return replace(through, rgb=tiles)
+
+
+def _blurred(
+    arrives: Sequence[Image],
+    blur: SmallBlur,
+    curved: CurvedSkin | None,
+    atlas: Sequence[AtlasRaster],
+    weights: SkinWeights,
+    otherwise: Sequence[bool],
+) -> list[Image]:
+    """Light as lobes spread it, (L, h, w, 3) a tile: what leaves of it over what the skin's profile sends back.
+
+    Here form counts whole, with the light from the other side that it has: rays into the flesh are not followed again.
+
+    Parameters
+    ----------
+    arrives : sequence of ndarray of shape (L, h, w, 3)
+        Irradiance by tile.
+    blur, curved, weights, otherwise
+        As in `sent_on`.
+    atlas : sequence of AtlasRaster
+        Its own.
+    """
+    lobes = blur.lobes({raster.tile: image for raster, image in zip(atlas, arrives, strict=True)}, otherwise)
+    if curved:
+        lobes = curved.applied(lobes)
+    leaves = _leaving(lobes, weights, atlas, [raster.shape for raster in atlas], lambda: None)
+    total = [weights.total_image(raster.tile, raster.shape) for raster in atlas]
+    return [safe_div(image, each).astype(np.float32) for image, each in zip(leaves, total, strict=True)]
 
 
 class _Sends(NamedTuple):

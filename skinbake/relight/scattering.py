@@ -24,6 +24,7 @@ from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.scatter import plainly_dark
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
+from skinbake.diffuse.small_blur import SmallBlur
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.even_share import hold_back, part_even_light
@@ -106,6 +107,7 @@ class Scattering:
         self._flesh_light: FleshLight | None = None
         self._straight: dict[int, Image] | None = None
         self._kept: list[Image] = []
+        self._small_blur: SmallBlur | None = None
         self._even_rgb = (slant.diffuse_rgb if slant else np.ones(3)).astype(np.float32)
         area = [raster.area_mm2[..., None] for raster in atlas]
         lit = sum((a * c).sum(axis=(0, 1), dtype=np.float64) for a, c in zip(area, self._albedo, strict=True))
@@ -251,7 +253,14 @@ class Scattering:
         gain, bounces = dict.fromkeys(names, self._again), dict.fromkeys(names, self._bounces)
         skin_light = SkinLight(self.view, seen, gain, bounces)
         entered = SmallLight.of(light, self.thin)
-        return sent_on(through, lobes, entered, names, skin_light, self._spec, self._scene, self._gaussians, left=left)
+        spec, scene, gaussians = self._spec, self._scene, self._gaussians
+        if self._small_blur is None:
+            small = self.view.atlas
+            self._small_blur = SmallBlur(small, scene.mesh, gaussians, scene.maps, spec.diffusion, lobes)
+        return sent_on(
+            through, lobes, entered, names, skin_light, self._small_blur, spec, scene, gaussians, left=left,
+            curved=self._curved,
+        )  # fmt: skip
 
 
 def summed_lobes(lobes: tuple[Lobe, ...], weights: SkinWeights, tile: int, shape: tuple[int, int]) -> Image:

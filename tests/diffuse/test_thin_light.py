@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skinbake.diffuse.diffuse_map import Lobe
+from skinbake.diffuse.small_blur import SmallBlur
 from skinbake.diffuse.terms.bounced_light import SkinLight
 from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.diffuse.terms.thin_parts import ThinParts
@@ -46,10 +47,12 @@ def found(through, blurred, arrived, mode="pre-scatter"):
     reflected = np.broadcast_to((ALBEDO * WEIGHT).astype(np.float32), (*view.atlas[0].shape, 3))
     light = SkinLight(view, [reflected], {"sun": np.ones(3, np.float32)}, {"sun": 1})
     lobe = Lobe(1.0, (1.0, 1.0, 1.0), None, {1001: lower(through)})
-    blur = Lobe(1.0, tuple(WEIGHT), None, {1001: lower(blurred)})
-    scene = SceneData(mesh, SkinMaps(albedo_rgb=tuple(ALBEDO)), {})
+    lobes = (Lobe(1.0, tuple(WEIGHT), "surface", {1001: lower(blurred)}),)
+    maps = SkinMaps(albedo_rgb=tuple(ALBEDO))
+    scene = SceneData(mesh, maps, {})
+    blur = SmallBlur(view.atlas, mesh, gaussians, maps, spec.diffusion, lobes)
     entered = SmallLight.of({1001: lower(arrived)}, thin)
-    out = sent_on(lobe, (blur,), entered, ("sun",), light, spec, scene, gaussians).rgb[1001][0]
+    out = sent_on(lobe, lobes, entered, ("sun",), light, blur, spec, scene, gaussians).rgb[1001][0]
     area = np.where(tile.raster.covered, tile.raster.area_mm2, 0)[..., None]
     half = np.arange(width) < width // 2
     return [(out * area)[:, side].sum(axis=(0, 1)) / area[:, side].sum() for side in (half, ~half)]

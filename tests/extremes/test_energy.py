@@ -21,9 +21,11 @@ MEDIA = {
     "skin": {"sigma_a_per_mm": [0.032, 0.17, 0.48], "sigma_sp_per_mm": [0.74, 0.88, 1.01]},
     "pale": {"sigma_a_per_mm": [0.001, 0.004, 0.016], "sigma_sp_per_mm": [1.0, 2.0, 4.0]},
 }
-GAIN_ANYWHERE = 0.01  # of what a furnace allows: of few texels, rays and directions
+TOLERANCE = (
+    0.003  # of the bakes: at .01 the sky's directions and the rays to skin leave 1.3 % in single texels of a crease
+)
+GAIN_ANYWHERE = 0.005  # of what a furnace allows: what they leave at this tolerance, .2 %
 GAIN_IN_ALL = 0.002  # of what a sun sends: of the blur's own estimate
-GAIN_IN_CREASES = 0.045  # of a body that light goes through: what lights it through flesh is not blurred again
 SAME_BALL = 0.025  # by which a sun's total may differ from a furnace's: a ball of 4 mm 1.9 %, of 12 mm 0.02 %
 
 
@@ -50,7 +52,8 @@ def baked(folder, mesh, medium, eta, light, more=None):
         "skin": {"model": "dipole", "normalise": "none", "eta": eta, **MEDIA[medium]},
         "texture": {"size": list(SIZE), "gutter": 2}, "lights": [light],
         "terms": {"energy_conservation": "off"} | dict.fromkeys(TERMS, "on"),
-        "diffusion": {"probes": 50}, "output": {"dir": str(folder / "out"), "precision": "float"},
+        "diffusion": {"probes": 50}, "tolerance": TOLERANCE,
+        "output": {"dir": str(folder / "out"), "precision": "float"},
     } | (more or {})  # fmt: skip
     found = skinbake.bake(SceneSpec.model_validate(look))
     (raster,) = rasterize(mesh, SIZE, 2)
@@ -61,19 +64,19 @@ def baked(folder, mesh, medium, eta, light, more=None):
 
 @pytest.mark.parametrize("eta", [1.0, 1.4])
 @pytest.mark.parametrize(
-    ("body", "radius_mm", "medium", "anywhere"),
+    ("body", "radius_mm", "medium"),
     [
-        (ball, 12.0, "skin", GAIN_ANYWHERE),
-        (creased, 12.0, "skin", GAIN_ANYWHERE),
-        (ball, 40.0, "pale", GAIN_ANYWHERE),
-        (creased, 40.0, "pale", GAIN_ANYWHERE),
+        (ball, 12.0, "skin"),
+        (creased, 12.0, "skin"),
+        (ball, 40.0, "pale"),
+        (creased, 40.0, "pale"),
         # About as small as light goes, 4 mm in skin, 18 in the pale medium
-        (ball, 4.0, "skin", GAIN_ANYWHERE),
-        (ball, 12.0, "pale", GAIN_ANYWHERE),
-        (creased, 12.0, "pale", GAIN_IN_CREASES),
+        (ball, 4.0, "skin"),
+        (ball, 12.0, "pale"),
+        (creased, 12.0, "pale"),
     ],
 )
-def test_closed_bodies_gain_nothing(tmp_path, body, radius_mm, medium, anywhere, eta):
+def test_closed_bodies_gain_nothing(tmp_path, body, radius_mm, medium, eta):
     """In a furnace of radiance 1 nowhere more than pi leaves, nor under a sun more for good than arrives.
 
     A ball looks the same to all suns, and a furnace is all of them: either has the same share sent back.
@@ -82,7 +85,7 @@ def test_closed_bodies_gain_nothing(tmp_path, body, radius_mm, medium, anywhere,
     leaving, arriving, area_mm2, on = baked(tmp_path, mesh, medium, eta, SKY)
     assert {"incidence", "curvature", "interreflection", "transmission", "diffuse_profile"} <= on
     assert np.all(arriving <= np.pi * (1 + 1e-5))
-    assert leaving.max() <= np.pi * (1 + anywhere)
+    assert leaving.max() <= np.pi * (1 + GAIN_ANYWHERE)
     open_share = arriving / np.pi
     of_furnace = (area_mm2 * leaving).sum(axis=0) / (area_mm2 * arriving).sum(axis=0)
     leaving, arriving, area_mm2, on = baked(tmp_path, mesh, medium, eta, SUN)

@@ -114,6 +114,11 @@ class CurvedSkin:
         """
         return {tile: _less(image, through.get(tile) if through else None) for tile, image in self.gain.items()}
 
+    def factors(self) -> list[Float | None]:
+        """Factor of each lobe, (STEPS + 1, 3), by the gain that is left to them all; None: it is left as it is."""
+        of_all = lobe_factors(self.weight, self.share)
+        return [None if share.max() < NARROW else of for of, share in zip(of_all, self.share, strict=True)]
+
     def applied(
         self,
         lobes: Sequence[Lobe],
@@ -130,12 +135,11 @@ class CurvedSkin:
         aside : callable, optional
             Takes each as soon as it is made and gives it as it is read again; may take its pixels out of it.
         """
-        factors, found = lobe_factors(self.weight, self.share), list[Lobe]()
-        gain = self.left(through)
+        found, gain = list[Lobe](), self.left(through)
         pixels = [tuple(map(id, lobe.rgb.values())) for lobe in lobes]
         unchanged: dict[tuple[int, ...], Lobe] = {}  # several may be the light itself
-        for lobe, of, share, factor in zip(lobes, pixels, self.share, factors, strict=True):
-            if share.max() < NARROW:
+        for lobe, of, factor in zip(lobes, pixels, self.factors(), strict=True):
+            if factor is None:
                 if of not in unchanged:
                     unchanged[of] = aside(lobe)
                 found.append(unchanged[of].figured_as(lobe))

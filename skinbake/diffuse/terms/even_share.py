@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skinbake.atlas import AtlasRaster
 from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.skin_weights import SkinWeights
-from skinbake.diffuse.terms.curvature import CurvedSkin
+from skinbake.diffuse.terms.curvature import CurvedSkin, multiply_by_gain
 from skinbake.diffuse.terms.far_side import in_parts
 from skinbake.diffuse.terms.flesh_rays import gathered, through_along
 from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
@@ -49,6 +50,7 @@ def part_even_light(
     weights: SkinWeights,
     scatter: float,
     times: Float | None = None,
+    even: Sequence[Lobe] | None = None,
 ) -> EvenShare:
     """What the lobes have to leave to light through thin parts, and what is kept of that.
 
@@ -59,12 +61,11 @@ def part_even_light(
     thin : ThinParts
     curved : CurvedSkin, optional
         Where it changes lobes.
-    enters, weights, scatter, times
+    enters, weights, scatter, times, even
         As of `kept_through`.
     """
     of_gain = even_share(diffused, thin, curved) if curved else None
-    gain = curved.left(of_gain) if curved else None
-    return EvenShare(of_gain, kept_through(diffused, thin, enters, weights, scatter, gain, times))
+    return EvenShare(of_gain, kept_through(diffused, thin, enters, weights, scatter, curved, of_gain, times, even))
 
 
 def even_share(diffused: DiffuseMap, thin: ThinParts, curved: CurvedSkin) -> dict[int, Image]:
@@ -104,8 +105,10 @@ def kept_through(
     enters: Sequence[Image],
     weights: SkinWeights,
     scatter: float,
-    gain: Mapping[int, Image] | None = None,
+    curved: CurvedSkin | None = None,
+    of_gain: Mapping[int, Image] | None = None,
     times: Float | None = None,
+    even: Sequence[Lobe] | None = None,
 ) -> list[Image]:
     """Share of transmitted light with which no more leaves in even light than arrives, (L or 1, n, 3) a tile.
 
@@ -123,27 +126,76 @@ def kept_through(
         Of the lobes.
     scatter : float
         Weight of transmitted light.
-    gain : mapping of int to ndarray of shape (h, w, 3), optional
-        By tile: what is left to the lobes of what they send back over what a plane does (`CurvedSkin.left`).
+    curved : CurvedSkin, optional
+        Where it changes lobes.
+    of_gain : mapping of int to ndarray of shape (h, w, 3), optional
+        By tile: what of its gain they leave (`even_share`).
     times : ndarray of shape (L, N, 3), optional
         As of `transmit`: each light has its share then.
+    even : sequence of Lobe, optional
+        What lobes make of even light of 1, where they take it otherwise than once.
     """
     found = []
+    gain = curved.left(of_gain) if curved else None
+    # Only lights that have `diffuse_profile` are taken otherwise
+    otherwise = [False] if times is None else [bool((of_light != 1).any()) for of_light in times]
     for (raster, rows, cols, far), light in zip(thin.tiles, enters, strict=True):
-        back = weights.total_image(raster.tile, raster.shape)
-        if gain is not None:
-            back = back * magnify_bilinear(gain[raster.tile], raster.shape)
-        light, back = (np.broadcast_to(each, (*raster.shape, 3))[rows, cols] for each in (light, back))
-        room = np.maximum(1 / np.maximum(light, LEAST) - back, 0) / max(scatter, LEAST)
-        kept = np.ones((1 if times is None else len(times), len(rows), 3), np.float32)
+        light = np.broadcast_to(light, (*raster.shape, 3))[rows, cols]
+        room = {}
+        for with_profile in set(otherwise):
+            back = _sent_back(diffused.lobes, weights, raster, curved, gain, even if with_profile else None)
+            back = np.broadcast_to(back, (*raster.shape, 3))[rows, cols]
+            room[with_profile] = np.maximum(1 / np.maximum(light, LEAST) - back, 0) / max(scatter, LEAST)
+        kept = np.ones((len(otherwise), len(rows), 3), np.float32)
         for some, there in in_parts(len(rows), far):
             along = along_rays(thin, there)
-            if (gathered(along) > room[some]).any():  # else nothing is too much
+            if any((gathered(along) > of[some]).any() for of in room.values()):  # else nothing is too much
                 for k, of_light in enumerate([None] if times is None else times):
+                    left = room[otherwise[k]][some]
                     brought = gathered(np.maximum(along - carried_already(diffused, thin, there, of_light), 0))
-                    kept[k, some] = np.where(brought > room[some], safe_div(room[some], brought), 1)
+                    kept[k, some] = np.where(brought > left, safe_div(left, brought), 1)
         found.append(kept)
     return found
+
+
+def _sent_back(
+    lobes: Sequence[Lobe],
+    weights: SkinWeights,
+    raster: AtlasRaster,
+    curved: CurvedSkin | None,
+    gain: Mapping[int, Image] | None,
+    even: Sequence[Lobe] | None,
+) -> Image:
+    """What lobes send back of even light of 1, (H, W, 3), or (1, 1, 3) where that is the same everywhere.
+
+    Form counts at the texels that each is stored at, from which it is read: where one is thin and the next is not, that
+    is neither the one nor the other.
+
+    Parameters
+    ----------
+    lobes : sequence of Lobe
+        Blurred irradiance; only their sizes count.
+    weights : SkinWeights
+    raster : AtlasRaster
+        At whose texels.
+    curved, even
+        As of `kept_through`.
+    gain : mapping of int to ndarray of shape (h, w, 3), optional
+        What is left to them (`CurvedSkin.left`).
+    """
+    if gain is None and even is None:
+        return weights.total_image(raster.tile, raster.shape)
+    factors = curved.factors() if curved else [None] * len(lobes)
+    total = np.zeros((*raster.shape, 3), np.float32)
+    for i, (lobe, factor) in enumerate(zip(lobes, factors, strict=True)):
+        height, width = np.minimum(lobe.rgb[raster.tile].shape[1:3], raster.shape)
+        image = np.ones((1, height, width, 3), np.float32)
+        if even is not None:
+            image *= magnify_bilinear(even[i].rgb[raster.tile][0], image.shape[1:3])
+        if gain is not None and factor is not None:
+            multiply_by_gain(gain[raster.tile], factor, image)
+        total += weights.image(i, raster.tile, raster.shape) * magnify_bilinear(image[0], raster.shape)
+    return total
 
 
 def hold_back(through: Lobe, thin: ThinParts, kept: Sequence[Image]) -> None:
