@@ -83,8 +83,8 @@ def test_what_the_plan_of_a_sky_traces_is_traced_once(baked, monkeypatch, mesh):
     monkeypatch.setattr(
         Occluder, "unhindered", lambda self, *rays: asked.append(len(rays[0])) or unhindered(self, *rays)
     )
-    seen, once = [], open_sky_module.open_sky
-    monkeypatch.setattr(transfer, "open_sky", lambda spec, scene, of: seen.append(of.seen) or once(spec, scene, of))
+    texels, once = [], open_sky_module.open_sky
+    monkeypatch.setattr(transfer, "open_sky", lambda spec, scene, of: texels.append(of) or once(spec, scene, of))
     lights = "lights=[{name: sky, type: environment, radiance: [1, 0.9, 0.8], shadows: true}]"
     size = "[40, 48]" if mesh == "tiles.obj" else "[60, 48]"
     more = (f"mesh.path={baked.folder / mesh}", "texture.udim=true", f"texture.size={size}", "relight.textures=4",
@@ -101,7 +101,8 @@ def test_what_the_plan_of_a_sky_traces_is_traced_once(baked, monkeypatch, mesh):
             else:
                 assert made.relight(tile=tile, **SUNS).tobytes() == both.relight(tile=tile, **SUNS).tobytes()
     assert any(line.term == "sky.shadows" and line.enabled for line in both.plan)
-    facing = sum(np.count_nonzero(np.einsum("ni,di->nd", of.normal, sky_directions()) > 0) for of in seen[0].values())
+    of_plan = np.concatenate([each.normal for each in texels[0].seen.values()])
+    facing = np.count_nonzero(np.einsum("ni,di->nd", of_plan, sky_directions()) > 0)
     assert traced["sky"] + traced["relight"] - traced["both"] == facing
     assert facing > 100 * DIRECTIONS
 
