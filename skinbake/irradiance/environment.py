@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.irradiance.environment_plan import EnvironmentPlan
-from skinbake.irradiance.environment_share import open_shares
+from skinbake.irradiance.environment_share import open_shares, open_sums
 from skinbake.irradiance.lattice import lattice
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.refine import refine
-from skinbake.irradiance.settled_rays import SettledRays
+from skinbake.irradiance.settled_rays import FirstDirections, SettledRays
 from skinbake.irradiance.surface import TexelSurface
 from skinbake.numerics import Float
 
@@ -51,11 +51,15 @@ def light_environment(
         # What passes in part is no answer of yes or no
         rays = SettledRays(addressed, surface.smooth_normal, coarsest, len(directions))
         settled = rays if plan.samples and not occluder.has_cards else None
+        first = FirstDirections(directions)
 
         def trace(texels: NDArray[np.int64], stride: int) -> Image:
             oil = (roughness[texels], strength[texels], table, f0[texels]) if table.size else None
             answers = settled.of(texels, stride) if settled else None
             at = surface.origins(texels), normal[texels]
+            if first.count and answers is not None:
+                open_sums(*at, directions[: first.count], weights[: first.count], barrier, answers=answers)
+                first.settle(answers)
             shares = open_shares(*at, directions, weights, barrier, oil, answers)
             if settled and answers is not None:
                 settled.keep(texels, answers)

@@ -1,13 +1,20 @@
-"""Rays that texels around have settled: what four of them agree on, and nothing else."""
+"""Rays that texels or directions around have settled: what all of them agree on, and nothing else."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from skinbake.atlas import rasterize
+from skinbake.irradiance import light_texels, settled_rays
 from skinbake.irradiance.environment_share import open_shares
 from skinbake.irradiance.occluder import Occluder
-from skinbake.irradiance.settled_rays import SettledRays, no_answers
-from tests.shapes import sphere
+from skinbake.irradiance.settled_rays import AROUND, FEWEST_FIRST, FirstDirections, SettledRays, no_answers
+from skinbake.irradiance.sky_directions import all_around
+from skinbake.scene.lights import EnvironmentLight
+from skinbake.scene.maps import SkinMaps
+from tests.extremes.moves import moved
+from tests.shapes import joined, sphere
 
 WIDTH, HEIGHT, DIRECTIONS = 23, 17, 150  # two words and a part of a third
 
@@ -79,3 +86,58 @@ def test_settled_rays_are_not_traced_and_count_as_they_did():
     assert 0 < plain.min() + 1e-9 < plain.max() <= 1
     # Without an occluder every ray that is traced is open: none is
     assert np.array_equal(plain, open_shares(origin, normal, directions, weights, None, answers=answers))
+
+
+def test_directions_are_settled_by_the_first_ones_around():
+    """Random answers of the first ones: those between are set where the nearest eight all say so, and nowhere else."""
+    rng, directions = np.random.default_rng(7), all_around(2 * FEWEST_FIRST + 44)
+    directions = rng.permutation(directions).astype(np.float32)
+    first = FirstDirections(directions)
+    assert first.count == FEWEST_FIRST
+    bits = np.zeros((40, 2, len(directions)), np.bool_)
+    state = rng.choice(3, (40, first.count), p=[0.85, 0.1, 0.05])
+    state[1::2] = rng.choice(3, (20, first.count), p=[0.1, 0.85, 0.05])
+    bits[:, 0, : first.count], bits[:, 1, : first.count] = state == 0, state == 1
+    near = np.argsort(-(directions[first.count :] @ directions[: first.count].T), axis=1)[:, :AROUND]
+    want = bits.copy()
+    want[..., first.count :] = bits[..., near].all(axis=-1)
+    answers = packed(bits)
+    first.settle(answers)
+    assert np.array_equal(answers, packed(want))
+    assert want[:, 0, first.count :].any()
+    assert want[:, 1, first.count :].any()
+
+
+def test_few_directions_are_all_asked():
+    """Where the first ones would be more than half, there are none."""
+    assert FirstDirections(all_around(2 * FEWEST_FIRST - 1).astype(np.float32)).count == 0
+
+
+@pytest.mark.parametrize("path", [False, True])
+def test_a_sky_asks_fewer_rays_for_the_same_light(monkeypatch, path):
+    """On a ball beside another, of an even sky and of one bright in places: as of all rays to a thousandth."""
+    mesh, sky = sphere(20.0, "cube", 24), {"radiance": (1.0, 1.0, 1.0)}
+    occluder = Occluder(joined(mesh, moved(mesh, np.eye(3), (42.0, 10.0, 0.0))))
+    environments = {}
+    if path:
+        sky = {"path": "sky.exr"}
+        environments["sky"] = np.random.default_rng(2).gamma(0.2, 1.0, (16, 32, 3)).astype(np.float32)
+    light = EnvironmentLight(name="sky", type="environment", samples=512, **sky)
+    asked, unhindered = list[int](), Occluder.unhindered
+
+    def counted(self, origin, towards, reach):
+        asked.append(len(origin))
+        return unhindered(self, origin, towards, reach)
+
+    monkeypatch.setattr(Occluder, "unhindered", counted)
+    found = []
+    for fewest in (FEWEST_FIRST, 10**9):
+        monkeypatch.setattr(settled_rays, "FEWEST_FIRST", fewest)
+        asked.clear()
+        atlas = rasterize(mesh, (64, 64), gutter=2)
+        (tile,) = light_texels(atlas, mesh, SkinMaps(), [light], environments=environments, occluder=occluder)
+        found.append((tile.rgb[0], sum(asked)))
+    (rgb, rays), (of_all, all_rays) = found
+    assert rays < 0.9 * all_rays
+    assert of_all[of_all > 0].min() < 0.9 * of_all.max()  # a shadow is there
+    assert np.abs(rgb - of_all).max() < 1e-3 * of_all.max()
