@@ -73,7 +73,8 @@ def plan_rows(baked: Baked, parts: Mapping[str, float]) -> list[Row]:
         how = f"method {_percent(error.method)}, storage {_percent(error.storage)}, {error.probes} probes"
         rows.append(Row("the blur", how, measured, error.rms, "planned and measured"))
     if FIT in plan:
-        rows.append(Row("fit", f"{plan[FIT].how}, by `skin.fit`", None, plan[FIT].error, "beside the sum"))
+        how = f"{plan[FIT].how}, {'the key is `skin.fit`' if plan[FIT].error else 'as the skin has them'}"
+        rows.append(Row("fit", how, None, plan[FIT].error, "beside the sum"))
     if baked.left_wrong is not None:
         total = f"of {_percent(baked.decisions.budget.tolerance)}"
         rows.append(Row("all", "but fit and model (`skinbake truth`)", None, baked.left_wrong, total))

@@ -16,10 +16,11 @@ from skinbake.baking.inputs import BakeInputs
 from skinbake.io.output_names import PICTURE
 from skinbake.numerics import Float
 from skinbake.pipeline import Baked
-from skinbake.scene.budget import is_within
+from skinbake.scene.budget import FIT, is_within
 from skinbake.scene.mesh import SkinMesh
 
 EDGE = 0.05  # of the height: top and bottom
+LARGE_FIT = 0.5  # of the tolerance: from there on what the fit leaves wrong is said, though the look chose it
 MIDDLE = 0.15  # of the extent: nearer to the middle than that is neither left nor right
 
 
@@ -70,6 +71,9 @@ def verdict(manifest: Mapping[str, Any]) -> str:
         parts.append("the blur was not measured (diffusion.probes: 0)")
     if error.get("texture_size"):
         parts.append(f"the coarser texture loses about {_percent(error['texture_size'])}")
+    fit = next((line for line in manifest.get("plan", ()) if line["term"] == FIT), None)
+    if fit and fit["error"] > LARGE_FIT * manifest["config"]["diffusion"]["tolerance"]:
+        parts.append(f"beside that {fit['how']} are off from the skin's profile by {_percent(fit['error'])}")
     model = error.get("model")
     if model:
         noise = model["stderr"]

@@ -27,6 +27,8 @@ def command(
 ) -> None:
     """Fit a sum of Gaussians to a skin's profile, and say how good it is. CONFIG is a look, or just its skin part.
 
+    A look whose tolerance makes it a draft is fitted as its bake is.
+
     With --out writes profile.json, profile.csv and profile.png there.
     """
     from skinbake.errors import ToleranceMissedError, printable
@@ -38,7 +40,7 @@ def command(
     from skinbake.profile import fit_skin
     from skinbake.progress import Progress
 
-    skin = load_skin(config, overrides)
+    skin = load_skin(config, overrides, as_baked=True)
     if out:
         outputs = [Path(out) / name for name in FIT_FILES]
         refuse_inputs(outputs, filter(None, [config, getattr(skin, "path", None), against]))

@@ -19,7 +19,7 @@ from skinbake.io.yaml_lines import Key, Located, read_yaml
 from skinbake.scene.batch import BatchSpec
 from skinbake.scene.parse import parse, unknown_keys
 from skinbake.scene.skin import SkinSpec
-from skinbake.scene.spec import DIFFUSION_METHODS, SceneSpec
+from skinbake.scene.spec import DIFFUSION_METHODS, SceneSpec, fitted_for
 
 
 def load_look(
@@ -111,11 +111,16 @@ def _prepared_for(path: Path | str, overrides: Sequence[str], out: Path | str | 
     return located
 
 
-def load_skin(path: Path | str, overrides: Sequence[str] = ()) -> SkinSpec:
+def load_skin(path: Path | str, overrides: Sequence[str] = (), as_baked: bool = False) -> SkinSpec:
     """Read the `skin:` part of a look, or a file that holds nothing but a skin.
 
     The rest of a look may be unfinished, but a key that no look has is refused: it might be a slip for `skin`. Keys of
     overrides may begin with `skin.` or not where the file is only a skin.
+
+    Parameters
+    ----------
+    as_baked : bool
+        Fitted as a bake of the look's tolerance fits it (`fitted_for`), where it has one.
 
     Raises
     ------
@@ -131,7 +136,11 @@ def load_skin(path: Path | str, overrides: Sequence[str] = ()) -> SkinSpec:
     if faults:
         raise ConfigError(faults)
     _refuse_missing(Located({"skin": located.value["skin"]}, located.places))
-    return skin
+    tolerance, diffusion = located.value.get("tolerance"), located.value.get("diffusion")
+    if tolerance is None and isinstance(diffusion, dict):
+        tolerance = diffusion.get("tolerance")
+    known = isinstance(tolerance, int | float) and not isinstance(tolerance, bool)
+    return fitted_for(skin, tolerance) if as_baked and known else skin
 
 
 def load_named_skin(name: str) -> SkinSpec:

@@ -84,8 +84,9 @@ class DiffusionSpec(Strict):
     normalise: bool = True
     """Divide each sum by that of its weights: constant light stays constant. `false` is the classical integral."""
     probes: Annotated[int, Field(ge=0, le=1_000_000)] | None = None
-    """Places of the skin at which the blur is compared with the exact integral; 0 measures nothing. By default 2000;
-    the more the blur may be off the fewer, down to 400: a coarse error need not be known so closely."""
+    """Places of the skin at which the blur is compared with the exact integral; 0 measures nothing, and the blur counts
+    as wrong by all that it may be, so that less else is left out. By default 2000; the more the blur may be off the
+    fewer, down to 400: a coarse error need not be known so closely."""
 
     @property
     def probe_count(self) -> int:
@@ -278,12 +279,8 @@ class SceneSpec(Strict):
 
     @model_validator(mode="after")
     def _fewer_gaussians(self) -> SceneSpec:
-        """A draft's skin is fitted by fewer of them, unless the look says how it is fitted."""
-        skin = self.skin
-        given = "fit" in skin.model_fields_set or isinstance(skin, GaussiansSkin)
-        if self.diffusion.tolerance >= DRAFT and not given:
-            fewer = skin.fit.model_copy(update={"gaussians": DRAFT_GAUSSIANS})
-            object.__setattr__(self, "skin", skin.model_copy(update={"fit": fewer}))
+        """A draft's skin is fitted by fewer of them."""
+        object.__setattr__(self, "skin", fitted_for(self.skin, self.diffusion.tolerance))
         return self
 
     @model_validator(mode="after")
@@ -367,3 +364,11 @@ class SceneSpec(Strict):
         if twice:
             raise ValueError(f"expected light names that differ, got {', '.join(twice)} more than once")
         return lights
+
+
+def fitted_for(skin: SkinSpec, tolerance: float) -> SkinSpec:
+    """A skin as a look of a tolerance fits it: in a draft by fewer Gaussians, unless it says how it is fitted."""
+    given = "fit" in skin.model_fields_set or isinstance(skin, GaussiansSkin)
+    if tolerance < DRAFT or given:
+        return skin
+    return skin.model_copy(update={"fit": skin.fit.model_copy(update={"gaussians": DRAFT_GAUSSIANS})})

@@ -42,6 +42,14 @@ def test_the_verdict_says_what_was_measured_and_what_was_not(changed, said):
     assert said in verdict(MANIFEST | {"error": ERROR | changed})
 
 
+@pytest.mark.parametrize(("error", "told"), [(0.0051, True), (0.0049, False)])
+def test_the_verdict_tells_of_a_fit_that_leaves_much(error, told):
+    """From half of the tolerance on, as what the look chose is in no sum."""
+    plan = [{"term": "fit", "error": error, "how": "4 Gaussians"}]
+    said = "; beside that 4 Gaussians are off from the skin's profile by 0.51 %; "
+    assert (said in verdict(MANIFEST | {"plan": plan})) == told
+
+
 @pytest.mark.parametrize(
     ("place", "said"),
     [

@@ -43,6 +43,26 @@ def test_writes_three_files(config, tmp_path, capsys):
     assert np.isfinite(model).all()
 
 
+@pytest.mark.parametrize(
+    ("look", "overrides", "count"),
+    [
+        ("", (), 6),
+        ("tolerance: 0.05\n", (), 4),
+        ("diffusion: {tolerance: 0.2}\n", (), 4),
+        ("", ("tolerance=0.05",), 4),
+        ("tolerance: 0.05\n", ("skin.fit.gaussians=5",), 5),
+        ("tolerance: 0.05\n", ("tolerance=0.04",), 6),
+        ("tolerance: loose\n", (), 6),  # the rest of a look may be unfinished
+    ],
+)
+def test_a_draft_is_fitted_as_its_bake_is(config, capsys, look, overrides, count):
+    """By four Gaussians, unless the look says how."""
+    text = f"{look}skin: {{model: burley, d_mm: 1.0}}\n"
+    options = [option for each in overrides for option in ("--set", each)]
+    assert run(["fit", config(text), "--json", *options]) == 0
+    assert len(json.loads(capsys.readouterr().out)["variance_mm2"]) == count
+
+
 def test_same_input_same_bytes(config, tmp_path):
     """Two runs write the same bytes, the picture included."""
     for name in ("a", "b"):

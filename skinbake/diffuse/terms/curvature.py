@@ -249,7 +249,9 @@ def _beyond(difference: Float, error: Float) -> Float:
 
 def formed_already(switch: str) -> Decision:
     """The plan's line where curvature changes nothing: a white profile, and no light whose beams are shifted."""
-    return Decision("curvature", False, f"{switch}: a white profile has the skin's own form in it")
+    return Decision(
+        "curvature", False, f"{switch}: where no beam is shifted, a white profile has the skin's own form in it"
+    )
 
 
 def multiply_by_gain(gain: Image, factor: Float, image: Image) -> None:
