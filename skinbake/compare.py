@@ -36,6 +36,8 @@ class Difference:
         The first test that failed, or "same".
     rms, max_absolute, max_relative : float
         `max_relative` is relative to the largest absolute value of the reference. NaN where nothing could be measured.
+    relative_rms : float
+        Rms over that of the reference: of a texture, of the skin alone, as both are 0 elsewhere.
     over : float
         Share of the values beyond their limit.
     worst_at : tuple of int
@@ -49,6 +51,7 @@ class Difference:
     max_relative: float
     over: float
     worst_at: tuple[int, ...]
+    relative_rms: float
 
 
 def compare(image: NDArray[np.floating], reference: NDArray[np.floating], tolerance: Tolerance) -> Difference:
@@ -69,7 +72,7 @@ def compare(image: NDArray[np.floating], reference: NDArray[np.floating], tolera
     wanted: Float = reference.astype(np.float64)
     difference = np.abs(image - wanted)
     if not difference.size:
-        return Difference(True, "same", 0.0, 0.0, 0.0, 0.0, ())
+        return Difference(True, "same", 0.0, 0.0, 0.0, 0.0, (), 0.0)
     excess = difference / np.maximum(tolerance.absolute + tolerance.relative * np.abs(wanted), np.finfo(float).tiny)
     at = tuple(int(i) for i in np.unravel_index(np.argmax(excess), excess.shape))
     over = float((excess > 1).mean())
@@ -80,13 +83,18 @@ def compare(image: NDArray[np.floating], reference: NDArray[np.floating], tolera
         why = f"{over:.3%} of the values beyond their limit, {tolerance.allowed:.3%} allowed"
     top = float(np.abs(wanted).max())
     most = float(difference.max())
-    rms = float(np.sqrt((difference**2).mean()))
-    return Difference(why == "same", why, rms, most, most / top if top else (np.inf if most else 0.0), over, at)
+    rms, whole = float(np.sqrt((difference**2).mean())), float(np.sqrt((wanted**2).mean()))
+    return Difference(why == "same", why, rms, most, _over(most, top), over, at, _over(rms, whole))
+
+
+def _over(part: float, whole: float) -> float:
+    """Share of the whole; infinite of a whole of nothing."""
+    return part / whole if whole else (np.inf if part else 0.0)
 
 
 def _unmeasured(why: str, at: tuple[int, ...] = ()) -> Difference:
     """Difference of images that could not be compared, or were not finite."""
-    return Difference(False, why, np.nan, np.nan, np.nan, 1.0, at)
+    return Difference(False, why, np.nan, np.nan, np.nan, 1.0, at, np.nan)
 
 
 def read_at(image: NDArray[np.floating], height: int, width: int) -> NDArray[np.float32]:

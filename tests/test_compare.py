@@ -41,6 +41,16 @@ def test_limits_grow_with_the_reference():
     assert not compare(np.array([100.0, 0.5]), np.array([100.0, 0.0]), Tolerance(0, 0.01)).same
 
 
+def test_figures_are_also_shares_of_the_reference():
+    """Rms of its rms, the largest of its largest value; of a black one nothing, or without end."""
+    found = compare(np.array([3.0, 4.5, 0.0]), np.array([3.0, 4.0, 0.0]), Tolerance())
+    assert found.relative_rms == pytest.approx(0.1)
+    assert found.max_relative == pytest.approx(0.125)
+    black = compare(np.array([1.0]), np.array([0.0]), Tolerance())
+    assert (black.relative_rms, black.max_relative) == (np.inf, np.inf)
+    assert compare(np.zeros(3), np.zeros(3), Tolerance()).relative_rms == 0
+
+
 def test_shapes_must_agree():
     """No broadcasting: a row is not an image."""
     assert "shape" in compare(IMAGE[:1], IMAGE, Tolerance()).why

@@ -47,6 +47,7 @@ def command(
     """Compare IMAGE with REFERENCE: two EXR or image files, or two bake folders, lobe by lobe and their weighted sum.
 
     Lobes of two bakes that are stored at different sizes are read at the larger one. The first line is the verdict.
+    Shares are of the reference: of its rms, and of its largest value.
     Exit codes: 0 same, 1 differs, 2 could not compare.
     """
     from skinbake.compare import Tolerance, compare
@@ -79,7 +80,8 @@ def command(
     if not as_json:
         print(printable(_verdict(found, missing)))
         for name, d in found.items():
-            print(printable(f"{name:<40} rms {d.rms:.3e}  max {d.max_absolute:.3e} ({d.max_relative:.3%})  {d.why}"))
+            rms, most = _both(d.rms, d.relative_rms), _both(d.max_absolute, d.max_relative)
+            print(printable(f"{name:<40} rms {rms}  max {most}  {d.why}"))
         for name in missing:
             print(printable(f"{name:<40} only in {image if name in ours else reference}"))
     if picture:
@@ -101,6 +103,11 @@ def _verdict(found: dict[str, Difference], missing: list[str]) -> str:
     if missing:
         parts.append(f"{len(missing)} in one of them only")
     return f"differs: {'; '.join(parts)}"
+
+
+def _both(value: float, share: float) -> str:
+    """A difference as it is, and as a share of the reference."""
+    return f"{value:.3e} ({share:.3%})"
 
 
 def _figures(difference: Difference) -> dict[str, Any]:
