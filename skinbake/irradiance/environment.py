@@ -51,13 +51,13 @@ def light_environment(
         # What passes in part is no answer of yes or no
         rays = SettledRays(addressed, surface.smooth_normal, coarsest, len(directions))
         settled = rays if plan.samples and not occluder.has_cards else None
-        first = FirstDirections(directions)
+        first = FirstDirections(directions) if settled else None
 
         def trace(texels: NDArray[np.int64], stride: int) -> Image:
             oil = (roughness[texels], strength[texels], table, f0[texels]) if table.size else None
             answers = settled.of(texels, stride) if settled else None
             at = surface.origins(texels), normal[texels]
-            if first.count and answers is not None:
+            if first and first.count and answers is not None:
                 open_sums(*at, directions[: first.count], weights[: first.count], barrier, answers=answers)
                 first.settle(answers)
             shares = open_shares(*at, directions, weights, barrier, oil, answers)

@@ -1,4 +1,4 @@
-"""Texels that are asked about the sky first: every so manieth along each side."""
+"""Texels that are asked about the sky first: one in so many along each side."""
 
 from __future__ import annotations
 
