@@ -119,8 +119,8 @@ def _figures(difference: Difference) -> dict[str, Any]:
 def _of_two_bakes(image: Path, reference: Path, ours: dict[str, Any], theirs: dict[str, Any]) -> None:
     """Bring light and lobes to one size, and add what they sum to.
 
-    Of bakes whose textures differ in size, only texels that show nothing but skin in the larger one are compared: how
-    far light is carried on beyond the charts depends on the size.
+    Of bakes whose textures differ in size, or a lobe of them, only texels that show nothing but skin in the larger one
+    are compared: how far light is carried on beyond the charts depends on the size.
     """
     from skinbake.compare import read_at
     from skinbake.errors import InputError
@@ -147,11 +147,13 @@ def _of_two_bakes(image: Path, reference: Path, ours: dict[str, Any], theirs: di
 
 
 def _covered(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, Any]:
-    """Coverage (H, W, 1) of the larger of two textures by tile ("" where there is one); none where sizes agree."""
-    found = {}
-    for name in ours.keys() & theirs.keys():
+    """Coverage (H, W, 1) of the larger of two textures by tile ("" where there is one); none where all sizes agree."""
+    found, both = {}, ours.keys() & theirs.keys()
+    if all(ours[name].shape == theirs[name].shape for name in both):
+        return {}
+    for name in both:
         smaller, larger = sorted((ours[name], theirs[name]), key=lambda image: image.shape)
         total = name.startswith("irradiance") and name.endswith(" irradiance") and larger.shape[-1] == 4
-        if total and smaller.shape != larger.shape:
+        if total:
             found[name.partition(".exr")[0].removeprefix("irradiance").strip(".")] = larger[..., 3:]
     return found
