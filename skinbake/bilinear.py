@@ -9,6 +9,8 @@ from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.stored_precision import half_holds
 
+READ_TEXELS2 = 1 / 6  # variance that reading adds along each axis: a tent's, a texel wide to both sides
+
 
 def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) -> Float:
     """Values of an image at places, as a GPU reads them: bilinear, clamped to the edge texels.

@@ -152,7 +152,7 @@ def _covered(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, Any]:
     if all(ours[name].shape == theirs[name].shape for name in both):
         return {}
     for name in both:
-        smaller, larger = sorted((ours[name], theirs[name]), key=lambda image: image.shape)
+        larger = max(ours[name], theirs[name], key=lambda image: image.shape)
         total = name.startswith("irradiance") and name.endswith(" irradiance") and larger.shape[-1] == 4
         if total:
             found[name.partition(".exr")[0].removeprefix("irradiance").strip(".")] = larger[..., 3:]

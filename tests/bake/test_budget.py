@@ -18,7 +18,7 @@ texture: {size: 96, gutter: 4}
 skin: {preset: gpugems3-six-gaussians}
 lights: [%s]
 output: {dir: out, precision: float}
-diffusion: {probes: 300}
+diffusion: {probes: 2000}
 """
 WIDE = "variance_mm2: [0.5, 4.0], weight_rgb: [[0.5, 0.6, 0.8], [0.5, 0.4, 0.2]]"
 SUN = "{name: sun, type: directional, direction: [-0.6, -0.5, -0.6], irradiance: [3, 3, 3]}"

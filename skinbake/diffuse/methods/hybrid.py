@@ -35,7 +35,7 @@ class Hybrid(DiffusionMethod):
     """Blurs in the texture, and sums over the surface where the blur is predicted to be wrong."""
 
     name = "hybrid"
-    bilinear_error = 0.055
+    bilinear_error = 0.015
     through_flesh = True
 
     def map(self, resources: LobeResources, lobe: LobeParameters) -> Tiles:
@@ -49,8 +49,9 @@ class Hybrid(DiffusionMethod):
             share = resources.predictor(tile, level).share_of_sums(variance, lobe.threshold, image, mass)
             resources.rest()
             sources = resources.sources(variance, lobe.spacing)
+            read = resources.read_texels2(level)
             for i in range(resources.lights):
-                gather(points, sources, variance, resources.rule, image[i].reshape(1, -1, 3), i, share[i])
+                gather(points, sources, variance, resources.rule, image[i].reshape(1, -1, 3), i, share[i], read)
             tiles[tile] = image
         return tiles
 
@@ -96,7 +97,7 @@ class Hybrid(DiffusionMethod):
             row = points.row.reshape(-1)[flat[needed]]
             sums = surface_sums(
                 resources.sources(variance, lobe.spacing), points.position[row], points.normal[row],
-                points.texel_mm2[row], variance, resources.rule,
+                points.texel_mm2[row], variance, resources.rule, resources.read_texels2(level),
             )  # fmt: skip
             values[needed] += np.repeat(share[needed], 3, axis=1) * (sums - values[needed])
             out[around.probe] = around.read(values)
@@ -105,7 +106,7 @@ class Hybrid(DiffusionMethod):
     def candidates(self, trial: Trial) -> Iterator[Proposal]:
         """Each stored size that shows the lobe, with each of a few thresholds, unless all sums are as cheap."""
         resources, variance, tolerance = trial.resources, trial.variance_mm2, trial.resources.spec.tolerance
-        for level in trial.levels:
+        for level in trial.blurred_levels:
             least, _ = _cost(resources, variance, level, trial.spacing, 0.0)
             if least >= sums_cost(resources, variance, level, trial.spacing):
                 continue

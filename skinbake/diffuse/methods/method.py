@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple
 from skinbake.atlas import Tiled, Tiles
 from skinbake.diffuse.probes import Probes, read_at_probes
 from skinbake.diffuse.resources import LobeResources, Resource
+from skinbake.diffuse.texture_space.blur import widest_level
 from skinbake.diffuse.texture_space.blur_at_probes import TexelBlur, blur_around_probes
 from skinbake.numerics import Float
 
@@ -84,6 +85,12 @@ class Trial:
     exact: Float
     half: bool
     _blurred: dict[int, Tiled[TexelBlur]] = field(default_factory=dict)
+
+    @property
+    def blurred_levels(self) -> range:
+        """Those of `levels` at which the texture can be blurred."""
+        widest = widest_level(self.resources.geometry.variance_texels2(self.variance_mm2))
+        return range(self.levels.start, min(self.levels.stop, widest + 1))
 
     def texture_blur(self, level: int) -> Tiled[TexelBlur]:
         """The texture's blur of the texels that reading a stored size at the probes touches."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skinbake.atlas import Tiles
+from skinbake.bilinear import READ_TEXELS2
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.texture_space.stretch import area_mean, stretch_blur, texel_covariance
@@ -14,7 +15,7 @@ class Stretch(DiffusionMethod):
     """Gathers with an ellipse of its own at each texel, inside each chart."""
 
     name = "stretch"
-    bilinear_error = 0.008  # smooth in UV
+    bilinear_error = 0.004  # smooth in UV
     continuous = False
     advice = "set diffusion.method to auto or surface"
 
@@ -38,7 +39,8 @@ class Stretch(DiffusionMethod):
                     area = area * mean_share[0, ..., 0]
                 box_variance = (1 - 0.25**level) / 12  # of the mean over a block, in texels of this level
             covariance = texel_covariance(raster, inverse_metric) * np.float32(lobe.variance_mm2)
-            covariance -= np.array([box_variance, 0, box_variance], np.float32)
+            read = READ_TEXELS2 if level else 0.0
+            covariance -= np.array([box_variance + read, 0, box_variance + read], np.float32)
             chart = np.where(raster.addressed, chart_of[raster.face_index], -1).astype(np.int32)
             tiles[raster.tile] = stretch_blur(light, area, chart, covariance)
         return tiles

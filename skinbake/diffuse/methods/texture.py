@@ -18,7 +18,7 @@ class Texture(DiffusionMethod):
     """Blurs in the texture, at the level of a pyramid where the lobe is a few texels wide (`texture_space.blur`)."""
 
     name = "texture"
-    bilinear_error = 0.008  # smooth in UV
+    bilinear_error = 0.004  # smooth in UV
     quick = True
     misses_unseen = True
     advice = "set diffusion.method to auto or surface"
@@ -55,7 +55,7 @@ class Texture(DiffusionMethod):
 
     def candidates(self, trial: Trial) -> Iterator[Proposal]:
         """Each stored size that shows the lobe."""
-        for level in trial.levels:
+        for level in trial.blurred_levels:
             read = read_blur(trial.texture_blur(level), trial.probes)
             cost = blur_cost(trial.resources, trial.variance_mm2, level)
             yield Proposal(LobeParameters(trial.variance_mm2, level), cost, read, tried=True)

@@ -42,6 +42,7 @@ PROBES = 1000
 VERIFYING = 2000  # probes that a plan allows for where no probes will judge it
 MARGIN = 0.9  # of the tolerance, for what the planning probes did not see
 MAX_LEVELS = 4
+SHOWN_TEXELS2 = 2.5  # a size is halved while the variance of the lobe there is this: 0.8 of a stored texel are left
 PEAK = 10.0  # tolerances of the mean
 SEEN = 0.1  # of the mean: no less than this counts as a peak
 
@@ -132,7 +133,7 @@ def _candidates(
     """
     geometry, tolerance = resources.geometry, resources.spec.tolerance
     texels2 = geometry.variance_texels2(variance)
-    widest = min(widest_level(texels2), MAX_LEVELS)
+    widest = min(widest_level(texels2, SHOWN_TEXELS2), MAX_LEVELS)
     finest = max(each.bilinear_error for each in METHODS.values())
     # Finer sizes than by rule no method needs
     first = stored_level(finest, variance, geometry.mean_texel_mm2, tolerance, widest)

@@ -64,6 +64,8 @@ class Sums(NamedTuple):
         1 / (2 pi v) where sums are not normalised, else 0.
     first_light : int
         First of the tree's lights that is summed.
+    read : float32
+        Texels of a target by which reading what is stored spreads light, which its sum leaves to the reader.
     """
 
     variance_mm2: float
@@ -73,6 +75,7 @@ class Sums(NamedTuple):
     faint: np.float32
     density: np.float32
     first_light: int
+    read: np.float32
 
 
 class Target(NamedTuple):
@@ -166,7 +169,8 @@ def gather_batch(points, tree, sums, room, begins, target):  # type: ignore[no-u
     widest = 0.0
     for t in range(LANES):
         k = batch[t]
-        variance = lattice_variance(variance_mm2, texel_mm2[k], table)
+        narrower = max(variance_mm2 - sums.read * texel_mm2[k], _HALF * variance_mm2)
+        variance = lattice_variance(narrower, texel_mm2[k], table)
         widest = max(widest, variance)
         for axis in range(3):
             lanes[axis * LANES + t], lanes[(_NORMAL + axis) * LANES + t] = position[k, axis], normal[k, axis]

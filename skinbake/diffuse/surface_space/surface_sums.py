@@ -18,6 +18,7 @@ def surface_sums(
     texel_mm2: NDArray[np.float32],
     variance_mm2: float,
     rule: SumRule,
+    read: float = 0.0,
 ) -> Float:
     """One lobe by sums over the surface, (P, 3 L); zero where no skin is near.
 
@@ -31,10 +32,12 @@ def surface_sums(
     variance_mm2 : float
         Of the lobe.
     rule : SumRule
+    read : float, optional
+        As of `gather`.
     """
     count = np.arange(len(position), dtype=np.int32)
     points = TexelPoints(count[:, None], count, position, normal, np.zeros(len(count), np.float32), texel_mm2)
     lights = (sources.leaf.shape[1] - LIGHT) // 3
     out = np.zeros((lights, len(position), 3), np.float32)
-    gather(points, sources, variance_mm2, rule, out)
+    gather(points, sources, variance_mm2, rule, out, read=read)
     return out.transpose(1, 0, 2).reshape(len(position), 3 * lights).astype(np.float64)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Tiled, Tiles, first_fundamental_form, signed_uv_area
+from skinbake.bilinear import READ_TEXELS2
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
 from skinbake.diffuse.texture_space.separable import decimate, decimation_weights, masked_light, normalised_blur
 from skinbake.kernels.compile import kernel
@@ -24,7 +25,7 @@ from skinbake.numerics import Float, Zeros
 from skinbake.scene.mesh import SkinMesh
 
 PREFILTER_TEXELS2 = 1.75  # of the finer level; aliases of any image stay below 5e-4 of its range
-LEVEL_TEXELS2 = 10.0  # a level may be halved while the lobe's variance there is at least this
+LEVEL_TEXELS2 = 5.5  # a level may be halved while the lobe's variance there is at least this: 0.6 is left to blur
 _NO_COVERAGE = 1e-6  # of what one covered texel leaves where it stands
 
 
@@ -113,12 +114,25 @@ def mean_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> tuple[float, flo
     return along_v / size[0], along_u / size[1]
 
 
-def widest_level(variance_texels2: tuple[float, float]) -> int:
-    """Coarsest level that still shows a lobe of this variance (texels of the full size squared)."""
+def widest_level(variance_texels2: tuple[float, float], least_texels2: float = LEVEL_TEXELS2) -> int:
+    """Coarsest level that still shows a lobe of this variance (texels of the full size squared).
+
+    Parameters
+    ----------
+    variance_texels2 : (float, float)
+    least_texels2 : float, optional
+        A level is halved while the variance there is at least this; by default as far as the texture can be blurred.
+    """
     level = 0
-    while min(variance_texels2) / 4**level >= LEVEL_TEXELS2:
+    while min(variance_texels2) / 4**level >= least_texels2:
         level += 1
     return level
+
+
+def stored_variance(variance_texels2: tuple[float, float], level: int) -> tuple[float, float]:
+    """What of a lobe's variance a stored size holds: the rest is what reading it adds; theory.md 5.2."""
+    read = READ_TEXELS2 * 4**level if level else 0.0
+    return variance_texels2[0] - read, variance_texels2[1] - read
 
 
 def texture_blur(
@@ -146,6 +160,7 @@ def texture_blur(
     ndarray of shape (L, h, w, 3), float32
     """
     image = pyramid.level(level)
+    variance_texels2 = stored_variance(variance_texels2, level)
     kernels = [level_kernel(pyramid, variance_texels2, level, axis).astype(np.float32) for axis in (0, 1)]
     lights = (image.shape[2] - 1) // 3
     height, width = level_size(pyramid.levels[0].shape[:2], level)

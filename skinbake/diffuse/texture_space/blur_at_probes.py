@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Tiled
 from skinbake.bilinear import bilinear_texels
 from skinbake.diffuse.probes import Probes
-from skinbake.diffuse.texture_space.blur import TexturePyramid, blur_at, level_size
+from skinbake.diffuse.texture_space.blur import TexturePyramid, blur_at, level_size, stored_variance
 from skinbake.numerics import Float
 
 
@@ -111,6 +111,7 @@ def blur_of_texels(
         row * w + col at that level.
     """
     row, col = np.divmod(flat, level_size(pyramid.levels[0].shape[:2], level)[1])
+    variance_texels2 = stored_variance(variance_texels2, level)
     return blur_at(pyramid, variance_texels2, level, (row.astype(np.float64), col.astype(np.float64)))
 
 
