@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from math import sqrt
+from math import hypot, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +103,9 @@ def scatter(
     return_freed()
     known = partial(_by_digest, remember, entering.digests()) if remember else None
     curved = entering.curved
+    texture, terms, budget, lights = spec.texture, spec.terms, decisions.budget, irradiance[0].lights
+    before = (*decisions.of_look, *irradiance[0].decided)
+    spent = left_wrong((*before, *entering.plan), lights, 0.0)
     bends = None if curved is None or curved.spreads_beams_alone else curved  # what it changes is not rounded before
     diffused = diffuse(
         entering.rgb,
@@ -110,7 +113,7 @@ def scatter(
         atlas,
         scene.mesh,
         gaussians,
-        decisions.budget.of_blur(spec.diffusion),
+        decisions.budget.of_blur(spec.diffusion, spent),
         seed=spec.output.seed,
         precision=spec.output.precision,
         progress=say,
@@ -125,11 +128,9 @@ def scatter(
     skin_light = entering.skin_light
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
     share, arrived = uniform_scatter(gaussians, spec.skin), None
-    texture, terms, budget = spec.texture, spec.terms, decisions.budget
     # What each light's terms have left, the blur's error taken as measured
-    blur, lights = diffused.error.rms if diffused.error else budget.blur, irradiance[0].lights
-    before = (*decisions.of_look, *irradiance[0].decided)
-    spent = left_wrong((*before, *plan), lights, blur)
+    blur = diffused.error.rms if diffused.error else budget.blur
+    spent = hypot(spent, blur)
     limit = sqrt(max(budget.tolerance**2 - spent**2, 0.0))
     tell("light through thin parts")
     of_skin = scene.mesh, gaussians, texture.size, texture.gutter, texture.udim, mean_albedo

@@ -28,7 +28,7 @@ VARIATION = 10.0  # tolerances by which the visible share may differ between tex
 INTERPOLATED = 0.35  # tolerances, rms, that this costs; rays that count as settled cost 0.05, whose square is nothing
 WIDEST_VARIATION = 0.2
 MOST, FEWEST = 4096, 16  # directions
-ROOM = 0.9  # of what may be left: fewer than a power of two are taken below that only, for terms that may need more
+ROOM = 0.95  # of what may be left: fewer than a power of two are taken below that only, for terms that may need more
 NORMALS = 512  # all around, at which the harmonics are compared
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from math import sqrt
+from math import hypot, sqrt
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 # Parts of the square that the size leaves. A sky's directions get dearer soonest
 BLUR, SKY, TERMS = 1.5, 3.5, 1.0
 FIT = "fit"  # term of the plan
-SKIN_TO_SKIN = 0.002  # what light from skin to skin leaves as finely as it is taken, on two heads
+SKIN_TO_SKIN = 0.0018  # what light of a sky that skin sends on leaves, as finely as it is taken, on two heads
+_LESS, _LEAST = 0.8, 0.5  # of its part, that the blur is given where others took more than theirs
 DIGITS = 6  # of an error that bake.json holds
 NEGLIGIBLE = 0.02  # of the tolerance: below this not even what costs next to nothing is computed
 
@@ -71,9 +72,22 @@ class Budget:
         square = self.left**2 - self.blur**2 - (self.sky**2 if light in self.skies else 0.0)
         return sqrt(max(square - spent**2, 0.0))
 
-    def of_blur(self, spec: DiffusionSpec) -> DiffusionSpec:
-        """How the lobes are made, with the tolerance that is theirs."""
-        return spec.model_copy(update={"tolerance": self.blur})
+    def of_blur(self, spec: DiffusionSpec, spent: float = 0.0) -> DiffusionSpec:
+        """How the lobes are made, with the tolerance that is theirs.
+
+        They are planned last: where the light took more than its part, they have to do with less, by steps, lest every
+        light has sums of its own. Where that would not do, nothing is gained by it.
+
+        Parameters
+        ----------
+        spec : DiffusionSpec
+        spent : float, optional
+            By all else.
+        """
+        blur = self.blur
+        while hypot(blur, spent) > self.tolerance and blur > _LEAST * self.blur:
+            blur *= _LESS
+        return spec.model_copy(update={"tolerance": blur if hypot(blur, spent) <= self.tolerance else self.blur})
 
     def record(self) -> dict[str, Any]:
         """As keys of stages hold it."""

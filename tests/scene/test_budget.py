@@ -7,10 +7,10 @@ from math import hypot, sqrt
 import pytest
 
 from skinbake.errors import ConfigError
-from skinbake.scene.budget import budget_of, is_within, left_wrong
+from skinbake.scene.budget import SKIN_TO_SKIN, budget_of, is_within, left_wrong
 from skinbake.scene.decision import Decision
 from skinbake.scene.parse import parse
-from skinbake.scene.spec import SceneSpec
+from skinbake.scene.spec import DiffusionSpec, SceneSpec
 
 SUN = {"name": "sun", "type": "directional", "direction": [0, 0, -1], "irradiance": [1, 1, 1]}
 SKY = {"name": "sky", "type": "environment", "radiance": [1, 1, 1]}
@@ -30,11 +30,20 @@ def look(*lights, **keys):
 
 
 def test_a_sky_leaves_room_for_light_from_skin_to_skin():
-    """That cannot be had closer than .2 %: where the tolerance is tight a sky's directions leave as much."""
+    """That cannot be had closer than .18 %: where the tolerance is tight a sky's directions leave as much."""
     loose, tight = (budget_of(look(SUN, SKY, tolerance=tolerance)) for tolerance in (0.01, 0.003))
     assert loose.sky_directions == loose.sky
     assert tight.sky_directions < tight.sky
-    assert hypot(tight.blur, tight.sky_directions, 0.002) == pytest.approx(0.003)
+    assert hypot(tight.blur, tight.sky_directions, SKIN_TO_SKIN) == pytest.approx(0.003)
+
+
+@pytest.mark.parametrize(("spent", "steps"), [(0.0, 0), (0.0025, 0), (0.0027, 1), (0.00285, 3), (0.0031, 0)])
+def test_the_blur_makes_do_with_what_light_has_left(spent, steps):
+    """By steps, lest every look has its own, down to half of its part; not where that is no use."""
+    budget = budget_of(look(SUN, SKY, tolerance=0.003))
+    given = budget.of_blur(DiffusionSpec(tolerance=0.003), spent).tolerance
+    assert given == pytest.approx(budget.blur * 0.8**steps)
+    assert hypot(given, spent) <= 0.003 or spent > 0.003
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.015])
