@@ -2,7 +2,8 @@
 
 `skinbake.baking.cost_model` says what they take on the machine that it was fitted on. How much longer this one takes is
 kept in the user's cache, a file a machine and version of the model; each bake renews it, and who removes the file
-begins anew, with a guess by a moment's work.
+begins anew, with a guess by a moment's work. Of heads that were baked before it is kept by mesh: how much of one is in
+its own shadow, or sees itself, is in no look, and makes one head take twice as long as another.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from skinbake.scene.spec import SceneSpec
 LEAST, MOST = 0.05, 50.0  # times the model's seconds that a machine is believed to take
 TELLING_TEXELS = 512 * 512  # the least whose time says something of the machine
 NOTABLE = 0.1  # change of that which is worth a file
+_ANY, _MOST_HEADS = "any", 64  # what is kept of any head, and of how many at most
 MOMENT_S = 0.0115  # that `_first_guess` works on a machine that takes the model's seconds
 STAGES = frozenset({"read", "raster", "profile", "irradiance", "diffuse", "relight", "preview", "write"})
 
@@ -52,9 +54,10 @@ def rule_of_thumb(spec: SceneSpec, budget: Budget | None = None, triangles: int 
     return stage_seconds(spec, budget or budget_of(spec), work)
 
 
-def paced(seconds: Mapping[str, float]) -> dict[str, float]:
-    """Seconds of the model as this machine takes them."""
-    before = _kept()
+def paced(seconds: Mapping[str, float], spec: SceneSpec) -> dict[str, float]:
+    """Seconds of the model as this machine takes them for a look."""
+    kept = _kept()
+    before = kept.get(_ANY, {}) | kept.get(_head(spec), {})
     return {name: of * _times(before, name) for name, of in seconds.items()}
 
 
@@ -74,12 +77,12 @@ def expected_seconds(inputs: BakeInputs, stages: Stages, asked: Collection[str] 
     runs = dict.fromkeys(("read", "raster", "write"), light or lobes) | {"irradiance": light, "relight": later}
     runs |= dict.fromkeys(("profile", "diffuse", "preview"), lobes)
     rule = rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
-    return {name: s for name, s in paced(rule).items() if name in asked and runs[name]}
+    return {name: s for name, s in paced(rule, inputs.spec).items() if name in asked and runs[name]}
 
 
 def whole_seconds(spec: SceneSpec) -> float:
     """Seconds of a whole bake of which nothing is there yet, about."""
-    return sum(paced(rule_of_thumb(spec)).values())
+    return sum(paced(rule_of_thumb(spec), spec).values())
 
 
 def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
@@ -89,13 +92,19 @@ def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
     """
     if inputs.spec.texture.size[0] * inputs.spec.texture.size[1] < TELLING_TEXELS:
         return
-    before, rule = _kept(), rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
+    kept, rule = _kept(), rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
     ran = {name: log.busy[name] / seconds for name, seconds in rule.items() if log.reused.get(name) is False}
-    now = before | {name: _believed(0.5 * (before.get(name, times) + times)) for name, times in ran.items()}
+    notable = False
+    for of in (_ANY, _head(inputs.spec)):
+        before = kept.pop(of, {})
+        kept[of] = now = before | {name: _believed(0.5 * (before.get(name, t) + t)) for name, t in ran.items()}
+        notable |= any(abs(now[name] / before.get(name, MOST) - 1) > NOTABLE for name in now)
+    for of in [each for each in kept if each != _ANY][:-_MOST_HEADS]:  # the longest ago
+        del kept[of]
     path = _path()
-    if path is not None and any(abs(now[name] / before.get(name, MOST) - 1) > NOTABLE for name in now):
+    if path is not None and notable:
         with suppress(SkinbakeError, OSError):
-            write_text(path, json.dumps(now, indent=1, sort_keys=True) + "\n")
+            write_text(path, json.dumps(kept, indent=1) + "\n")
 
 
 def _times(kept: Mapping[str, float], name: str) -> float:
@@ -129,11 +138,19 @@ def _path() -> Path | None:
     return cache.folder / f"pace-{machine}.json" if cache else None
 
 
-def _kept() -> dict[str, float]:
-    """What was kept; nothing where it is missing or damaged."""
+def _head(spec: SceneSpec) -> str:
+    """What a look's mesh is known by."""
+    return key_of(str(Path(spec.mesh.path).absolute()))[:12]
+
+
+def _kept() -> dict[str, dict[str, float]]:
+    """What was kept, of any head and of some, by stage; nothing where it is missing or damaged."""
     path = _path()
     try:
         found = json.loads(path.read_text(encoding="utf-8")) if path else {}
-        return {str(name): _believed(float(times)) for name, times in found.items()}
+        return {
+            str(of): {str(name): _believed(float(times)) for name, times in stages.items()}
+            for of, stages in found.items()
+        }
     except (OSError, ValueError, TypeError, AttributeError, RecursionError):
         return {}

@@ -291,7 +291,7 @@ def expected(
         "memory_mib": round(LOADED_BYTES / 2**20 + needed + megatriangles * 1400),
         "seconds": round(
             START_S
-            + sum(paced(stage_seconds(spec, budget, work)).values())
+            + sum(paced(stage_seconds(spec, budget, work), spec).values())
             + (unwrap_seconds(uv.triangles) if spec.texture.unwrap != "none" and user_cache() is None else 0.0),
             1,
         ),

@@ -14,6 +14,7 @@ from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
 from skinbake.io.config import load_look
 from skinbake.scene.budget import budget_of
+from skinbake.scene.mesh_files import MeshSpec
 from skinbake.scene.skin import BurleySkin
 from tests.conftest import ROOT
 
@@ -97,18 +98,37 @@ def test_the_machine_s_pace_is_kept_and_renewed(tmp_path, monkeypatch):
     monkeypatch.setattr(pace, "_first_guess", lambda: 1.0)
     inputs, log = BakeInputs(head(512, 0.01), BakeSession(), StageLog()), StageLog()
     rule = pace.rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
-    assert pace.paced(rule) == rule
+    assert pace.paced(rule, inputs.spec) == rule
     log.busy = {name: 2 * seconds for name, seconds in rule.items()}
     log.reused = dict.fromkeys(rule, False)
     pace.keep_pace(inputs, log)
-    assert pace.paced(rule) == pytest.approx({name: 2 * seconds for name, seconds in rule.items()})
+    assert pace.paced(rule, inputs.spec) == pytest.approx({name: 2 * seconds for name, seconds in rule.items()})
     assert pace.whole_seconds(inputs.spec) == pytest.approx(2 * sum(pace.rule_of_thumb(inputs.spec).values()))
     (path,) = tmp_path.glob("pace-*.json")
-    assert json.loads(path.read_text())["diffuse"] == pytest.approx(2)
+    assert [stages["diffuse"] for stages in json.loads(path.read_text()).values()] == pytest.approx([2, 2])
     path.write_text("[")
-    assert pace.paced(rule) == rule
+    assert pace.paced(rule, inputs.spec) == rule
     pace.keep_pace(BakeInputs(head(256, 0.01), BakeSession(), StageLog()), log)
     assert path.read_text() == "["  # too small to say anything
+
+
+def test_a_head_s_own_pace_is_kept_beside_that_of_any(tmp_path, monkeypatch):
+    """One that takes thrice as long is expected to, the next time; so is what has not been baked yet, half the way."""
+    monkeypatch.setenv("SKINBAKE_CACHE", str(tmp_path))
+    specs = []
+    for k in range(70):
+        (tmp_path / f"{k}.obj").symlink_to(ROOT / "data" / "head.obj")
+        spec = head(512, 0.01).model_copy(update={"mesh": MeshSpec(path=str(tmp_path / f"{k}.obj"), unit="mm")})
+        specs.append(spec)
+        inputs, log = BakeInputs(spec, BakeSession(), StageLog()), StageLog()
+        rule = pace.rule_of_thumb(spec, inputs.decisions.budget, inputs.triangles)
+        log.busy, log.reused = {name: (3 - 2 * (k % 2)) * s for name, s in rule.items()}, dict.fromkeys(rule, False)
+        pace.keep_pace(inputs, log)
+    assert [pace.paced({"diffuse": 1.0}, specs[k])["diffuse"] for k in (68, 69)] == pytest.approx([3, 1])
+    unknown = pace.paced({"diffuse": 1.0}, specs[0])["diffuse"]  # long ago, and let go
+    assert unknown == pytest.approx(1 + 2 / 3, rel=0.01)
+    (path,) = tmp_path.glob("pace-*.json")
+    assert len(json.loads(path.read_text())) == 65
 
 
 def test_a_machine_of_which_nothing_is_known_is_guessed_by_a_moment_s_work(tmp_path, monkeypatch):
