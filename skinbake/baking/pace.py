@@ -94,7 +94,7 @@ def keep_pace(inputs: BakeInputs, log: StageLog) -> None:
         return
     kept, rule = _kept(), rule_of_thumb(inputs.spec, inputs.decisions.budget, inputs.triangles)
     ran = {name: log.busy[name] / seconds for name, seconds in rule.items() if log.reused.get(name) is False}
-    notable = False
+    notable = _head(inputs.spec) != next(reversed(kept), None)
     for of in (_ANY, _head(inputs.spec)):
         before = kept.pop(of, {})
         kept[of] = now = before | {name: _believed(0.5 * (before.get(name, t) + t)) for name, t in ran.items()}

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 limit = Within(min=0)
 _WHOLE = 0.999  # coverage of a texel that shows nothing but skin
+_LIGHT = ("irradiance", "lobe_", "transmission", "sum of lobes")  # names of what a bake stores begin so
 
 
 @click.command("compare")
@@ -46,7 +47,8 @@ def command(
 ) -> int:
     """Compare IMAGE with REFERENCE: two EXR or image files, or two bake folders, lobe by lobe and their weighted sum.
 
-    Lobes of two bakes that are stored at different sizes are read at the larger one. The first line is the verdict.
+    Lobes of two bakes that are stored at different sizes are read at the larger one, and compared on the skin alone.
+    The first line is the verdict.
     Shares are of the reference: of its rms, and of its largest value.
     Exit codes: 0 same, 1 differs, 2 could not compare.
     """
@@ -135,7 +137,7 @@ def _of_two_bakes(image: Path, reference: Path, ours: dict[str, Any], theirs: di
         images.update({f"sum of lobes {tile}".strip(): values for tile, values in found.items()})
     covered = _covered(ours, theirs)
     for name in ours.keys() & theirs.keys():
-        if not name.startswith(("irradiance", "lobe_", "transmission", "sum of lobes")):
+        if not name.startswith(_LIGHT):
             continue
         if ours[name].shape != theirs[name].shape:
             height, width = [max(pair) for pair in zip(ours[name].shape, theirs[name].shape, strict=True)][:2]
@@ -148,7 +150,7 @@ def _of_two_bakes(image: Path, reference: Path, ours: dict[str, Any], theirs: di
 
 def _covered(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, Any]:
     """Coverage (H, W, 1) of the larger of two textures by tile ("" where there is one); none where all sizes agree."""
-    found, both = {}, ours.keys() & theirs.keys()
+    found, both = {}, [name for name in ours.keys() & theirs.keys() if name.startswith(_LIGHT)]
     if all(ours[name].shape == theirs[name].shape for name in both):
         return {}
     for name in both:

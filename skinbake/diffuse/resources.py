@@ -172,7 +172,7 @@ class LobeResources:
     def read_texels2(self, level: int) -> float:
         """By how much reading a stored size spreads light, in squares of its texels' shorter side (`TexelPoints`).
 
-        The full size shows its texels as they are: what is stored smaller is only ever read between its own.
+        The full size shows its texels as they are; what is stored smaller is read between its own.
         """
         shorter, longer = sorted(self.geometry.mm_per_texel)
         if level == 0 or not shorter > 0:

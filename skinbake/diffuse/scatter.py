@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from math import hypot, sqrt
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -97,15 +97,16 @@ def scatter(
     skin = VaryingSkin.of(gaussians, scene.maps, atlas)
     entered = base or EnteredSkin(gaussians, medium, incidence)
     entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered, aside, view)
+    lights, before = irradiance[0].lights, (*decisions.of_look, *irradiance[0].decided)
+    spent = left_wrong((*before, *entering.plan), lights, 0.0)
+    of_blur = decisions.budget.of_blur(spec.diffusion, spent)  # the same for skins that share blurs
     if base is not None:
         entering = _curved_as(entering, spec, decisions, scene, gaussians, medium)
     aside.rest()
     return_freed()
     known = partial(_by_digest, remember, entering.digests()) if remember else None
     curved = entering.curved
-    texture, terms, budget, lights = spec.texture, spec.terms, decisions.budget, irradiance[0].lights
-    before = (*decisions.of_look, *irradiance[0].decided)
-    spent = left_wrong((*before, *entering.plan), lights, 0.0)
+    texture, terms, budget = spec.texture, spec.terms, decisions.budget
     bends = None if curved is None or curved.spreads_beams_alone else curved  # what it changes is not rounded before
     diffused = diffuse(
         entering.rgb,
@@ -113,7 +114,7 @@ def scatter(
         atlas,
         scene.mesh,
         gaussians,
-        decisions.budget.of_blur(spec.diffusion, spent),
+        of_blur,
         seed=spec.output.seed,
         precision=spec.output.precision,
         progress=say,
@@ -129,8 +130,8 @@ def scatter(
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
     share, arrived = uniform_scatter(gaussians, spec.skin), None
     # What each light's terms have left, the blur's error taken as measured
-    blur = diffused.error.rms if diffused.error else budget.blur
-    spent = hypot(spent, blur)
+    blur = diffused.error.rms if diffused.error else of_blur.tolerance
+    spent = left_wrong((*before, *plan), lights, blur)
     limit = sqrt(max(budget.tolerance**2 - spent**2, 0.0))
     tell("light through thin parts")
     of_skin = scene.mesh, gaussians, texture.size, texture.gutter, texture.udim, mean_albedo

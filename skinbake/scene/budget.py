@@ -85,7 +85,7 @@ class Budget:
             By all else.
         """
         blur = self.blur
-        while hypot(blur, spent) > self.tolerance and blur > _LEAST * self.blur:
+        while hypot(blur, spent) > self.tolerance and blur * _LESS > _LEAST * self.blur:
             blur *= _LESS
         return spec.model_copy(update={"tolerance": blur if hypot(blur, spent) <= self.tolerance else self.blur})
 

@@ -85,6 +85,25 @@ def test_a_flat_wave_is_damped_as_the_plane_s_integral_says():
     np.testing.assert_allclose(got[15:-15], want[15:-15], atol=2e-3)
 
 
+@pytest.mark.parametrize(("method", "normalise"), [("surface", True), ("surface", False), ("stretch", True)])
+def test_a_wave_that_is_read_from_half_the_size_is_damped_as_at_the_full_one(method, normalise):
+    """Read between its texels a smaller size shows exp(-v k^2 / 2), to a fourth of what reading alone takes off."""
+    mesh = quad(100, 100)
+    atlas = rasterize(mesh, (100, 100))
+    x = interpolate(atlas[0], mesh.corner_position_mm)[..., 0]
+    k = 2 * np.pi / 24
+    light = np.repeat((0.5 + 0.4 * np.cos(k * x))[None, ..., None], 3, axis=3).astype(np.float32)
+    resources = resources_of([light], atlas, mesh, normalise=normalise)
+    small = lobe_map(resources, method, 9.0, 1, 0.1)[0]
+    place = np.stack([np.full(400, 0.5), np.random.default_rng(3).uniform(0.25, 0.75, 400)], axis=1)
+    read = read_bilinear(small[None].astype(np.float32), place)[:, 1]
+    wave = np.cos(k * (place[:, 1] - 0.5) * 100)
+    damped, shift = np.polyfit(wave, read, 1)
+    want = 0.4 * np.exp(-9 * k**2 / 2)
+    assert shift == pytest.approx(0.5, abs=2e-3)
+    assert abs(damped - want) < want * k**2 * 4 / 12 / 4  # h^2 / 12 a second derivative, h = 2 mm
+
+
 @pytest.mark.parametrize("method", ["texture", "stretch", "hybrid", "surface", "reference"])
 @pytest.mark.parametrize("variance", [1e-4, 0.5, 50.0])
 def test_constant_light_stays_constant(method, variance):

@@ -35,7 +35,7 @@ class Hybrid(DiffusionMethod):
     """Blurs in the texture, and sums over the surface where the blur is predicted to be wrong."""
 
     name = "hybrid"
-    bilinear_error = 0.015
+    bilinear_error = 0.02
     through_flesh = True
 
     def map(self, resources: LobeResources, lobe: LobeParameters) -> Tiles:

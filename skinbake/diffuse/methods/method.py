@@ -90,7 +90,7 @@ class Trial:
     def blurred_levels(self) -> range:
         """Those of `levels` at which the texture can be blurred."""
         widest = widest_level(self.resources.geometry.variance_texels2(self.variance_mm2))
-        return range(self.levels.start, min(self.levels.stop, widest + 1))
+        return range(min(self.levels.start, widest), min(self.levels.stop, widest + 1)) if self.levels else self.levels
 
     def texture_blur(self, level: int) -> Tiled[TexelBlur]:
         """The texture's blur of the texels that reading a stored size at the probes touches."""

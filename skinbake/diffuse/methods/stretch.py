@@ -39,8 +39,9 @@ class Stretch(DiffusionMethod):
                     area = area * mean_share[0, ..., 0]
                 box_variance = (1 - 0.25**level) / 12  # of the mean over a block, in texels of this level
             covariance = texel_covariance(raster, inverse_metric) * np.float32(lobe.variance_mm2)
-            read = READ_TEXELS2 if level else 0.0
-            covariance -= np.array([box_variance + read, 0, box_variance + read], np.float32)
+            covariance -= np.array([box_variance, 0, box_variance], np.float32)
+            if level:  # what reading adds, but no more than half of what there is
+                covariance[..., ::2] -= np.minimum(READ_TEXELS2, 0.5 * np.maximum(covariance[..., ::2], 0))
             chart = np.where(raster.addressed, chart_of[raster.face_index], -1).astype(np.int32)
             tiles[raster.tile] = stretch_blur(light, area, chart, covariance)
         return tiles

@@ -33,7 +33,7 @@ class Surface(DiffusionMethod):
     """Sums over the surface at every texel, interpolated from half the size where that is smooth enough."""
 
     name = "surface"
-    bilinear_error = 0.015  # measured on a scan whose texels vary 7.7 times
+    bilinear_error = 0.02  # measured on a scan whose texels vary 7.7 times
     classical = True
     through_flesh = True
 

@@ -111,6 +111,12 @@ class Room(NamedTuple):
 
 
 @kernel(inline=True)
+def _held_variance(variance, read, texel):  # type: ignore[no-untyped-def]
+    """What of a lobe's variance is left to a sum that is read between texels of an area; half of it at least."""
+    return max(variance - read * texel, _HALF * variance)
+
+
+@kernel(inline=True)
 def take_near(room, first, count, points, sums):  # type: ignore[no-untyped-def]
     """Move what lies near the first member left into the batch, which repeats its last; the first member left then.
 
@@ -169,8 +175,8 @@ def gather_batch(points, tree, sums, room, begins, target):  # type: ignore[no-u
     widest = 0.0
     for t in range(LANES):
         k = batch[t]
-        narrower = max(variance_mm2 - sums.read * texel_mm2[k], _HALF * variance_mm2)
-        variance = lattice_variance(narrower, texel_mm2[k], table)
+        held = _held_variance(variance_mm2, sums.read, texel_mm2[k])
+        variance = lattice_variance(held, texel_mm2[k], table)
         widest = max(widest, variance)
         for axis in range(3):
             lanes[axis * LANES + t], lanes[(_NORMAL + axis) * LANES + t] = position[k, axis], normal[k, axis]
@@ -250,7 +256,8 @@ def gather_batch(points, tree, sums, room, begins, target):  # type: ignore[no-u
             break  # only repetitions are left
         weight = lanes[SUMS * LANES + t]
         if density > 0:
-            factor = density * np.float32(lattice_gain(variance_mm2, texel_mm2[batch[t]], table))
+            held = _held_variance(variance_mm2, sums.read, texel_mm2[batch[t]])
+            factor = density * np.float32(variance_mm2 / held * lattice_gain(held, texel_mm2[batch[t]], table))
         elif weight > sums.faint:
             factor = np.float32(1) / weight
         else:

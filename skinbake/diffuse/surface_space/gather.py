@@ -81,15 +81,14 @@ def gather(
     share : ndarray of shape (H, W), uint8, optional
         How much the sum counts against what `out` held, in steps of 1 / 255; at 0 there is none.
     read : float, optional
-        Texels by which reading `out` spreads light (`LobeResources.read_texels2`): v_t is less by that. Sums that are
-        not normalised are taken as they are.
+        Texels by which reading `out` spreads light (`LobeResources.read_texels2`): v_t is less by that.
     """
     strips = -(-points.row.shape[0] // _TILE)
     density = 0.0 if rule.normalise else 1 / (2 * np.pi * variance_mm2)
     faint = np.float32(TINY * (tree.largest or 1.0))
     sums = Sums(
         variance_mm2, lattice_table(), np.float32(rule.cut), rule.separate, faint, np.float32(density), first_light,
-        np.float32(read if rule.normalise else 0.0),
+        np.float32(read),
     )  # fmt: skip
     target = Target(np.empty((0, 0), np.uint8) if share is None else share, out)
     parallel_for(_gather, strips, _Strips(strips, even_stride(strips)), points, tree.arrays, sums, target)
