@@ -8,7 +8,7 @@ from skinbake.progress import Task
 from tests.conftest import ROOT
 
 SAID = """\
-Obtaining file:///work/skinbake
+Obtaining file:///home/artist/skinbake
   Installing build dependencies: started
 Collecting numpy>=2.0 (from skinbake==0.1.0)
   Downloading numpy-2.3.1-cp311-manylinux_x86_64.whl (16.9 MB)
