@@ -9,7 +9,7 @@ from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.stored_precision import half_holds
 
-READ_TEXELS2 = 1 / 6  # variance that reading adds along each axis: a tent's, a texel wide to both sides
+_TENT_TEXELS2 = 1 / 6  # variance of a tent, a texel wide to both sides
 
 
 def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) -> Float:
@@ -54,6 +54,14 @@ def bilinear_texels(place: Float, height: int, width: int) -> tuple[NDArray[np.i
     cols = [np.clip(c, 0, width - 1) for c in (c0, c0 + 1, c0, c0 + 1)]
     weight = np.stack([(1 - fr) * (1 - fc), (1 - fr) * fc, fr * (1 - fc), fr * fc], axis=1)
     return np.stack([r * width + c for r, c in zip(rows, cols, strict=True)], axis=1), weight
+
+
+def read_variance_texels2(level: int) -> float:
+    """Variance that reading adds along each axis to what is stored at a level, in its texels squared; theory.md 5.2.
+
+    None at the full size, which is shown texel by texel; what is stored smaller is read between its own.
+    """
+    return _TENT_TEXELS2 if level else 0.0
 
 
 def magnify_bilinear(

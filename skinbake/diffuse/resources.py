@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Tiled, Tiles
-from skinbake.bilinear import READ_TEXELS2
+from skinbake.bilinear import read_variance_texels2
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.on_demand import OnDemand
 from skinbake.diffuse.probes import Probes
@@ -170,14 +170,9 @@ class LobeResources:
         return bool(self.spec.normalise and height % 2 == 0 and width % 2 == 0 and near)
 
     def read_texels2(self, level: int) -> float:
-        """By how much reading a stored size spreads light, in squares of its texels' shorter side (`TexelPoints`).
-
-        The full size shows its texels as they are; what is stored smaller is read between its own.
-        """
+        """By how much reading a stored size spreads light, in squares of its texels' shorter side (`TexelPoints`)."""
         shorter, longer = sorted(self.geometry.mm_per_texel)
-        if level == 0 or not shorter > 0:
-            return 0.0
-        return READ_TEXELS2 * 0.5 * (1 + (longer / shorter) ** 2)
+        return read_variance_texels2(level) * 0.5 * (1 + (longer / shorter) ** 2) if shorter > 0 else 0.0
 
     def gain_of_texels(self, variance_mm2: float, level: int) -> Tiles | None:
         """What classical sums at the targets of a stored size are multiplied by, (h, w) a tile; None for no change."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skinbake.atlas import Tiles
-from skinbake.bilinear import READ_TEXELS2
+from skinbake.bilinear import read_variance_texels2
 from skinbake.diffuse.methods.method import DiffusionMethod, LobeParameters
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.texture_space.stretch import area_mean, stretch_blur, texel_covariance
@@ -40,8 +40,9 @@ class Stretch(DiffusionMethod):
                 box_variance = (1 - 0.25**level) / 12  # of the mean over a block, in texels of this level
             covariance = texel_covariance(raster, inverse_metric) * np.float32(lobe.variance_mm2)
             covariance -= np.array([box_variance, 0, box_variance], np.float32)
-            if level:  # what reading adds, but no more than half of what there is
-                covariance[..., ::2] -= np.minimum(READ_TEXELS2, 0.5 * np.maximum(covariance[..., ::2], 0))
+            # What reading adds, but no more than half of what there is
+            along = covariance[..., ::2]
+            along -= np.minimum(read_variance_texels2(level), 0.5 * np.maximum(along, 0))
             chart = np.where(raster.addressed, chart_of[raster.face_index], -1).astype(np.int32)
             tiles[raster.tile] = stretch_blur(light, area, chart, covariance)
         return tiles

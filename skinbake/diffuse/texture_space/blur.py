@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Tiled, Tiles, first_fundamental_form, signed_uv_area
-from skinbake.bilinear import READ_TEXELS2
+from skinbake.bilinear import read_variance_texels2
 from skinbake.diffuse.lattice import discrete_gaussian, residual_kernel
 from skinbake.diffuse.texture_space.separable import decimate, decimation_weights, masked_light, normalised_blur
 from skinbake.kernels.compile import kernel
@@ -131,7 +131,7 @@ def widest_level(variance_texels2: tuple[float, float], least_texels2: float = L
 
 def stored_variance(variance_texels2: tuple[float, float], level: int) -> tuple[float, float]:
     """What of a lobe's variance a stored size holds: the rest is what reading it adds; theory.md 5.2."""
-    read = READ_TEXELS2 * 4**level if level else 0.0
+    read = read_variance_texels2(level) * 4**level
     return variance_texels2[0] - read, variance_texels2[1] - read
 
 
