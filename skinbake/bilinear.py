@@ -33,7 +33,8 @@ def read_bilinear(image: NDArray[np.float32], place: Float, half: bool = False) 
     if half:
         with np.errstate(over="ignore"):  # what is past 65504 is not taken
             rounded = values.astype(np.float16).astype(np.float32)
-        values = np.where(half_holds(np.abs(values).max(axis=(1, 2), keepdims=True, initial=0.0)), rounded, values)
+        held = half_holds(np.abs(values).max(axis=(1, 2), keepdims=True, initial=0.0)).all(axis=-1, keepdims=True)
+        values = np.where(held, rounded, values)
     return np.einsum("lpkc,pk->plc", values.astype(np.float64), weight).reshape(len(place), 3 * lights)
 
 

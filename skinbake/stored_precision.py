@@ -23,8 +23,10 @@ def half_holds(top: NDArray[np.floating]) -> NDArray[np.bool_]:
     return (top == 0) | ((half >= HALF_FAINT) & (half < np.inf))
 
 
-def channels_half_holds(values: NDArray[Any], half: NDArray[np.float16]) -> NDArray[np.bool_]:
-    """Whether each channel of (H, W, C) keeps its three digits in half, shadows included; shape (C,).
+def half_keeps(values: NDArray[Any], half: NDArray[np.float16]) -> bool:
+    """Whether every channel of an image keeps its three digits in half, shadows included.
+
+    An image is stored in one precision: many programs, the OpenEXR module among them, refuse colours of two.
 
     Parameters
     ----------
@@ -35,14 +37,12 @@ def channels_half_holds(values: NDArray[Any], half: NDArray[np.float16]) -> NDAr
     from skinbake.kernels.half import largest_bits
 
     top = largest_bits(half).view(np.float16)
-    holds = half_holds(top)
-    for channel in np.flatnonzero(top == 0):
-        holds[channel] = not values[..., channel].any()  # or it was too faint for half
-    return holds
+    faint = (top == 0) & values.any(axis=(0, 1)) if (top == 0).any() else False  # too faint for half
+    return bool(half_holds(top).all() and not np.any(faint))
 
 
 def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
-    """Values of shape (..., H, W, C) as a file gives them back: each channel rounded as the writer would.
+    """Values of shape (..., H, W, C) as a file gives them back: each image rounded as the writer would.
 
     Parameters
     ----------
@@ -52,20 +52,18 @@ def as_stored(values: NDArray[Any], precision: str) -> NDArray[Any]:
     Returns
     -------
     ndarray of the same shape
-        float16 where every channel is stored as such, else float32; halves as they are.
+        float16 where every image is stored as such, else float32; halves as they are.
     """
     from skinbake.kernels.half import as_half
 
     if precision != "half" or values.dtype == np.float16:
         return values
     half = as_half(values)
-    holds = np.array([channels_half_holds(values[i], half[i]) for i in np.ndindex(values.shape[:-3])])
+    holds = np.array([half_keeps(values[i], half[i]) for i in np.ndindex(values.shape[:-3])])
     if holds.all():
         return half
-    out = half.astype(np.float32)
-    for *index, channel in np.argwhere(~holds.reshape(*values.shape[:-3], -1)):
-        out[*index, ..., channel] = values[*index, ..., channel]
-    return out
+    holds = holds.reshape(*values.shape[:-3], 1, 1, 1)
+    return np.where(holds, half.astype(np.float32), values).astype(np.float32)
 
 
 def as_stored_with_sum(
@@ -87,6 +85,6 @@ def as_stored_with_sum(
         as_half_with_sum(images, half, total)
         # A channel of the sum is 0 only where it is 0 in all of them
         whole = (*zip(images, half, strict=True), (images[0], total))
-        if all(channels_half_holds(*each).all() for each in whole):
+        if all(half_keeps(*each) for each in whole):
             return half, total
     return as_stored(images, precision), as_stored(images.sum(axis=0, dtype=np.float32), precision)

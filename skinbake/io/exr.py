@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skinbake.errors import InputError
 from skinbake.io.atomic import atomic_write, system_error
 from skinbake.kernels.threads import thread_count
-from skinbake.stored_precision import channels_half_holds
+from skinbake.stored_precision import half_keeps
 
 # Rec.709 primaries and D65 white, as the chromaticities attribute wants them
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -53,8 +53,8 @@ def write_parts(
     """Write `parts` as one EXR.
 
     Blocks of rows are compressed on as many threads as kernels; the bytes do not depend on how many. With
-    `precision="half"`, a channel whose values pass 65504, or are all so faint that half would lose their digits, is
-    written as float instead.
+    `precision="half"`, a part with a channel whose values pass 65504, or are all so faint that half would lose their
+    digits, is written as float instead.
 
     Parameters
     ----------
@@ -108,8 +108,7 @@ def pack_parts(
     for part in parts:
         header = {"chromaticities": REC709, "oiio:ColorSpace": "lin_rec709", **(attributes or {}), **part.attributes}
         header |= {"type": OpenEXR.scanlineimage, "compression": codec}
-        stored = [_stored(named, part.name, names, values, precision) for names, values in part.channels.items()]
-        made.append(OpenEXR.Part(header, {name: values for some in stored for name, values in some.items()}, part.name))
+        made.append(OpenEXR.Part(header, _stored(named, part, precision), part.name))
     threads = thread_count()
     OpenEXR.set_global_thread_count(threads if threads > 1 else 0)  # one would only be waited for
     try:
@@ -152,8 +151,8 @@ def _codec(compression: str, precision: str) -> Any:
     return codec
 
 
-def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], precision: str) -> dict[str, NDArray[Any]]:
-    """Channels as the file will hold them, contiguous: together if they are of one kind.
+def _stored(path: Path | str, part: Part, precision: str) -> dict[str, NDArray[Any]]:
+    """Channels of a part as the file will hold them, contiguous, all of one kind.
 
     Raises
     ------
@@ -163,21 +162,18 @@ def _stored(path: Path | str, part: str, names: str, values: NDArray[Any], preci
     from skinbake.kernels.half import as_half
 
     if precision == "half":
-        half = as_half(values)
-        whole = (values, half) if values.ndim == 3 else (values[..., None], half[..., None])
-        if channels_half_holds(*whole).all():
-            return {names: half}
-        if values.ndim == 3:  # each by itself
-            apart = [(name, np.ascontiguousarray(values[..., c])) for c, name in enumerate(names)]
-            return {n: v for name, plane in apart for n, v in _stored(path, part, name, plane, precision).items()}
-    finite = np.isfinite(values)
-    if not finite.all():
-        row, column, *channel = np.argwhere(~finite)[0]
-        raise InputError(
-            f"{path}: part {part}, channel {names[channel[0]] if channel else names}: expected finite values, "
-            f"got {values[row, column, *channel]} at column {column}, row {row}"
-        )
-    return {names: np.ascontiguousarray(values, dtype=np.float32)}
+        half = {names: as_half(values) for names, values in part.channels.items()}
+        if all(half_keeps(*map(np.atleast_3d, (values, half[names]))) for names, values in part.channels.items()):
+            return half
+    for names, values in part.channels.items():
+        finite = np.isfinite(values)
+        if not finite.all():
+            row, column, *channel = np.argwhere(~finite)[0]
+            raise InputError(
+                f"{path}: part {part.name}, channel {names[channel[0]] if channel else names}: expected finite values, "
+                f"got {values[row, column, *channel]} at column {column}, row {row}"
+            )
+    return {names: np.ascontiguousarray(values, dtype=np.float32) for names, values in part.channels.items()}
 
 
 def write_part_files(

@@ -26,7 +26,7 @@ class OutputSpec(Strict):
     dir: Annotated[str, Field(min_length=1)]
     """Folder that the bake is written to; one look, one folder."""
     precision: Literal["half", "float"] = "half"
-    """Floats of 16 or of 32 bits."""
+    """Floats of 16 or of 32 bits; images too bright or too faint for `half` are floats."""
     compression: Literal["auto", "none", "rle", "zips", "zip", "piz", "htj2k"] = "auto"
     """Of the EXR files, none of which loses a digit; `auto` is the fastest that packs well and that all programs read:
     `piz` of halves, `zip` of floats, `rle` of a draft's halves (from a tolerance of 0.05 on), in half the time and a

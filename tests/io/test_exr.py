@@ -78,14 +78,20 @@ def test_channels_that_half_cannot_hold_are_stored_as_float(tmp_path, top):
     np.testing.assert_array_equal(read, image)
 
 
-def test_a_channel_that_half_cannot_hold_leaves_the_others_as_they_are(tmp_path):
-    """Red keeps its digits, green and blue are halves, whether they come together or apart; with layers as well."""
-    image = IMAGE * np.float32([1e5, 1, 1])
-    write_parts(tmp_path / "a.exr", [part(image), Part("apart", {c: image[..., i] for i, c in enumerate("RGB")})])
-    for read in read_parts(tmp_path / "a.exr").values():
-        np.testing.assert_array_equal(read.rgb, as_stored(image, "half"))
+@pytest.mark.parametrize("factors", [(1e5, 1, 1), (1, 1, 1e-3)])
+def test_an_image_is_of_one_kind(tmp_path, factors):
+    """A channel that half cannot hold takes the others along, for programs read no colour of two; not other images."""
+    image = IMAGE * np.float32(factors)
+    alpha, parts = {"A": np.ones((37, 53), np.float32)}, ("together", "apart", "alpha")
+    apart = {c: image[..., i] for i, c in enumerate("RGB")}
+    made = [rgb_channels(image), apart, rgb_channels(image) | alpha]
+    write_parts(tmp_path / "a.exr", [*(Part(*each) for each in zip(parts, made, strict=True)), part()])
+    for name, read in read_parts(tmp_path / "a.exr").items():
+        np.testing.assert_array_equal(read.rgb, as_stored(IMAGE, "half") if name == "irradiance" else image)
+    kinds = [next(iter(p.channels.values())).pixels.dtype for p in OpenEXR.File(str(tmp_path / "a.exr")).parts]
+    assert kinds == [np.float32, np.float32, np.float32, np.float16]
     layers = as_stored(np.stack([IMAGE, image]), "half")
-    np.testing.assert_array_equal(layers[1], as_stored(image, "half"))
+    np.testing.assert_array_equal(layers[1], image)
     np.testing.assert_array_equal(layers[0], as_stored(IMAGE, "half"))
 
 
