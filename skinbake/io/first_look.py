@@ -22,6 +22,7 @@ from skinbake.io.mesh.raw_file import read_raw
 from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.io.mesh.read_mesh import skin_of
 from skinbake.io.mesh.size import BODY_MM, HEAD_MM, TYPICAL_BODY_MM, TYPICAL_HEAD_MM
+from skinbake.io.tile_names import name_of_tiles
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.mesh_files import MM_PER_UNIT
 
@@ -50,7 +51,7 @@ class _Chosen:
     skin: tuple[str, ...]
     ignore: tuple[str, ...]
     unwrap: bool
-    udim: bool
+    tiles: tuple[int, ...]  # none where there is one texture
     stacked: tuple[str, ...]
 
 
@@ -96,7 +97,7 @@ def first_look(path: Path, look: Path) -> str:
     entries += ["opacity: file"] if _cast_has_alpha(path, raw, chosen) else []
     texture = (
         "size: 2048, gutter: 8"
-        + (", udim: true" if chosen.udim else "")
+        + (", udim: true" if chosen.tiles else "")
         + (", unwrap: xatlas" if chosen.unwrap else "")
     )
     lines = [
@@ -148,7 +149,7 @@ def _choose(path: Path, raw: RawMesh) -> tuple[_Chosen, SkinMesh]:
         names = ()
     stacked = [part for part in labelled if part in candidates and part not in kept and area[part] > least]
     ignore, left = (tuple(raw.labels[part] for part in parts) for parts in (ignored, stacked))
-    return _Chosen(names, ignore, unwrap, udim, left), mesh
+    return _Chosen(names, ignore, unwrap, tuple(sorted(taken)) if udim else (), left), mesh
 
 
 def _kind(names: Sequence[str]) -> str:
@@ -229,7 +230,7 @@ def _maps(path: Path, folder: Path, chosen: _Chosen, raw: RawMesh) -> list[str]:
     """Maps in the mesh's own file, or found beside it by name, or a skin colour."""
     if _has_own_uvs(chosen) and _materials_hold_maps(path, raw, chosen):
         return ["maps: file  # base colour, normals and roughness of the file's own materials"]
-    found = {role: file for role in MAP_WORDS if (file := _map_beside(path, role)) is not None}
+    found = {role: file for role in MAP_WORDS if (file := _map_beside(path, role, chosen.tiles)) is not None}
     if not _has_own_uvs(chosen):
         found = {}
     lines = ["maps:"]
@@ -257,7 +258,7 @@ def _materials_hold_maps(path: Path, raw: RawMesh, chosen: _Chosen) -> bool:
     except InputError:
         return False
     alike = {replace(material, name="") for material in materials}
-    return all(material.base_image is not None for material in materials) and (chosen.udim or len(alike) == 1)
+    return all(material.base_image is not None for material in materials) and (bool(chosen.tiles) or len(alike) == 1)
 
 
 def _cast_has_alpha(path: Path, raw: RawMesh, chosen: _Chosen) -> bool:
@@ -271,8 +272,8 @@ def _cast_has_alpha(path: Path, raw: RawMesh, chosen: _Chosen) -> bool:
     return any(each.alpha_mode != "OPAQUE" for each in materials)
 
 
-def _map_beside(path: Path, role: str) -> Path | None:
-    """The one picture in the mesh's folder, or in textures/ there, whose name says that it is this map."""
+def _map_beside(path: Path, role: str, tiles: tuple[int, ...]) -> Path | None:
+    """The one picture, or one a tile, beside the mesh or in textures/ there whose name says that it is this map."""
     folders = [folder for folder in (path.parent, path.parent / "textures") if folder.is_dir()]
     pictures = [file for folder in folders for file in sorted(folder.iterdir()) if file.suffix.lower() in PICTURES]
     named = [
@@ -281,8 +282,8 @@ def _map_beside(path: Path, role: str) -> Path | None:
         if set(re.split(r"[^a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", file.stem).lower())) & set(MAP_WORDS[role])
     ]
     own = [file for file in named if file.stem.lower().startswith(path.stem.lower())]
-    choice = own or named
-    return choice[0] if len(choice) == 1 else None
+    choice = {file.with_name(name_of_tiles(file.name, tiles)) for file in own or named}
+    return choice.pop() if len(choice) == 1 else None
 
 
 def _lights(mesh: SkinMesh, front: str | None) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import re
+from collections.abc import Collection
 from pathlib import Path
 
 from skinbake.atlas import FIRST_TILE, tile_origin
@@ -21,6 +22,17 @@ def name_of_tile(path: str, tile: int) -> str:
     """The path of one tile's file; unchanged where it names no tiles."""
     u, v = tile_origin(tile)
     return _MARK.sub(lambda mark: f"u{u + 1}_v{v + 1}" if _is_uv(mark[0]) else str(tile), path)
+
+
+def name_of_tiles(name: str, tiles: Collection[int]) -> str:
+    """The name with a mark in place of the number of one of these tiles; unchanged where it has none of them."""
+    for tile in tiles:
+        u, v = tile_origin(tile)
+        marked = re.sub(rf"(?<![a-zA-Z])u{u + 1}_v{v + 1}(?!\d)", "<UVTILE>", name)
+        marked = re.sub(rf"(?<!\d){tile}(?!\d)", "<UDIM>", marked)
+        if marked != name:
+            return marked
+    return name
 
 
 def tile_files(path: str) -> dict[int, Path]:

@@ -137,6 +137,18 @@ def test_maps_beside_the_mesh(tmp_path):
     assert maps.roughness is None
 
 
+@pytest.mark.parametrize("tiles", [("1001", "1002"), ("u1_v1", "u2_v1"), ("1002",)])
+def test_maps_of_tiles_beside_the_mesh(tmp_path, tiles):
+    """Pictures that differ in the number of their tile alone are one map; another number is part of the name."""
+    write_obj(tmp_path / "head.obj", sphere(120.0, "latlong", 12, tiles=2))
+    for tile in tiles:
+        write_png(tmp_path / f"head_2048_albedo.{tile}.png", np.full((4, 4, 3), 128, np.uint8))
+    spec = started(tmp_path, "head.obj")
+    mark = "<UVTILE>" if "_" in tiles[0] else "<UDIM>"
+    assert spec.maps.albedo.path == str(tmp_path / f"head_2048_albedo.{mark}.png")
+    assert run(["check", str(tmp_path / "me.yaml"), "--set", "texture.size=64"]) == 0
+
+
 def test_maps_of_the_file_itself(tmp_path, capsys):
     """A GLB whose material has a picture of its colour: `maps: file`, which `check` reads; without one, a constant."""
     made, _ = plain(sphere(120.0, "latlong", 12))
