@@ -79,7 +79,6 @@ def load_batch(
             return _sequence(path, overrides, out, only)
         told = "expected defaults, jobs, a matrix or frames, this is a look: use `skinbake bake`"
         raise ConfigError([located.say((), told)])
-    _name_with_text(located.value)
     spec = parse(BatchSpec, located.value, located.say)
     folder = Path(out).absolute() if out is not None else None
     plans = expand(spec)
@@ -176,16 +175,6 @@ def _value_at(value: Any, key: tuple[str | int, ...]) -> Any:
     for part in key:
         value = value[part]
     return value
-
-
-def _name_with_text(value: dict[str, Any]) -> None:
-    """Turn the matrix's option names into text, in place: `{1024: ..., 2048: ...}` has numbers."""
-    matrix = value.get("matrix")
-    if not isinstance(matrix, dict):
-        return
-    for axis, options in matrix.items():
-        if isinstance(options, dict):
-            matrix[axis] = {str(option): override for option, override in options.items()}
 
 
 def _in_jobs(names: list[str]) -> str:

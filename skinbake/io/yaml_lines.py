@@ -8,6 +8,7 @@ found at once, keys that stand twice and foreign tags included, where `ruamel.ya
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -28,6 +29,10 @@ MOST_VALUES = 50_000  # keys and values, an alias for as many as it stands for
 DEEPEST = 60  # mappings and lists in one another
 # Text, numbers and trees of them; !!binary, !!set and the like would pass for something else further on
 _PLAIN = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "timestamp", "seq", "map")}
+# YAML 1.1, which PyYAML reads, takes 0010 for 8 and 1:30 for 90; YAML 1.2, people and editors do not
+_OTHERWISE = re.compile(r"[-+]?(0[0_]*[1-9]_*[0-9][0-9_]*|[0-9][0-9_]*(:[0-9]+)+(\.[0-9_]*)?)")
+_MERGE, _TEXT = "tag:yaml.org,2002:merge", "tag:yaml.org,2002:str"
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 @dataclass
@@ -191,15 +196,27 @@ def _walk(node: yaml.Node, at: Key, place: Place, places: dict[Key, str], parent
         return
     parents = parents | {id(node)}
     places[at] = place(node.start_mark.line + 1)
-    if isinstance(node, yaml.MappingNode):
+    if node.tag in _NUMBERS and _OTHERWISE.fullmatch(node.value):
+        key = f"{dotted(at)}: " if at else ""
+        read = SafeConstructor().construct_object(node)
+        yield (
+            f"{place(node.start_mark.line + 1)}: {key}expected a plain number, got {node.value}, which YAML takes for"
+            f" {read}; write it without leading zeros and colons, or in quotes where it is text"
+        )
+    elif isinstance(node, yaml.MappingNode):
+        merged = [value for key, value in node.value if key.tag == _MERGE]
+        for value in merged:
+            yield from _walk(value, at, place, {}, parents)
         seen = set()
-        for key_node, value_node in node.value:
+        for i, (key_node, value_node) in enumerate(node.value):
             here = place(key_node.start_mark.line + 1)
-            if key_node.tag == "tag:yaml.org,2002:merge":
+            if key_node.tag == _MERGE:
                 continue
             if not isinstance(key_node, yaml.ScalarNode):
                 yield f"{here}: expected a plain key, got {_kind(key_node)}"
                 continue
+            # As it is written: a key `on`, 0010 or 1024 is a name
+            node.value[i] = (yaml.ScalarNode(_TEXT, key_node.value, key_node.start_mark), value_node)
             if key_node.value in seen:
                 yield f"{here}: {dotted((*at, key_node.value))}: key stands twice"
             seen.add(key_node.value)

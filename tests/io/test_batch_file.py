@@ -68,6 +68,14 @@ def test_the_matrix_is_every_combination_in_order(batch, tmp_path):
         assert [light.name for light in job.spec.lights] == (["sun"] if job.choices["rig"] == "one" else ["key", "rim"])
 
 
+def test_names_of_options_are_as_written(batch):
+    """YAML would make True of `on`, and 8 of 010."""
+    found = load_batch(
+        batch("defaults: {base: looks/look.yaml, output: {dir: out}}\nmatrix: {m: {on: , off: , 010: , 64: }}\n")
+    )
+    assert [job.name for job in found.jobs] == ["on", "off", "010", "64"]
+
+
 def test_one_override_does_not_leak_into_another_job(batch):
     """Jobs share defaults, never each other's changes."""
     found = {job.name: job.spec for job in load_batch(batch()).jobs}

@@ -141,3 +141,40 @@ def test_an_override_is_no_comment():
     assert parse_value("'# a'", "--set x") == "# a"
     assert parse_value("a#b.png", "--set x") == "a#b.png"
     assert parse_value("head.####.obj", "--set x") == "head.####.obj"
+
+
+@pytest.mark.parametrize(
+    ("text", "got"), [("0010", 8), ("[1, -0_12]", -10), ("1:30", 90), ("{a: 1:30.5}", 90.5), ("&a {b: 010}", 8)]
+)
+def test_numbers_that_yaml_takes_for_others_are_refused(text, got):
+    """Octal and of base 60 in YAML 1.1, decimal or text to people and to editors."""
+    with pytest.raises(ConfigError, match=rf"expected a plain number, got \S+, which YAML takes for {got}; write it"):
+        parse_yaml(f"x: {text}\n", "look.yaml")
+    with pytest.raises(ConfigError, match="expected a plain number"):
+        parse_value(text, "--set x")
+
+
+def test_numbers_that_all_read_alike_are_read():
+    """Zeros that change nothing, hexadecimal and underscores."""
+    text = "[0, 00, 007, 0.50, 08.5, 0x80, 1_000, 1e3, '0010', 10:30:a]"
+    wanted = [0, 0, 7, 0.5, 8.5, 128, 1000, "1e3", "0010", "10:30:a"]
+    assert parse_yaml(f"x: {text}", "look.yaml").value["x"] == wanted
+
+
+def test_keys_are_text_as_written():
+    """`on`, 1024 and 0010 are names there."""
+    assert parse_yaml("{on: 1, 0010: 2, 1024: {~: 3}}", "look.yaml").value == {"on": 1, "0010": 2, "1024": {"~": 3}}
+
+
+def test_what_is_merged_is_looked_through():
+    """Keys that stand twice in it, and foreign tags; what goes before it keeps its line."""
+    for text, message in (
+        ("{<<: {b: 1, b: 2}}", "look.yaml:1: a.b: key stands twice"),
+        ("{<<: [{b: 1}, {b: !!binary aa}]}", "look.yaml:1: a[1].b: expected plain YAML, got the tag "),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            parse_yaml(f"a: {text}", "look.yaml")
+        assert str(caught.value).startswith(message)
+    found = parse_yaml("a: &a {b: 1}\nc:\n  b: 2\n  <<: *a\n", "look.yaml")
+    assert found.value["c"] == {"b": 2}
+    assert found.place(("c", "b")) == "look.yaml:3"
