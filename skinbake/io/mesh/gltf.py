@@ -39,10 +39,11 @@ def read_gltf(path: Path, uv_set: int | None = None) -> RawMesh:
     file = GltfFile(path)
     try:
         with np.errstate(all="ignore"):  # what overflows is no longer finite, and refused by whoever reads the mesh
-            world = _world_matrices(file)
+            world, hidden = _world_matrices(file)
             parts = [
                 _part(file, node, mesh, primitive, world, uv_set)
                 for node in world
+                if node not in hidden
                 for mesh, primitive in _primitives(file, node)
             ]
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError) as error:
@@ -50,8 +51,8 @@ def read_gltf(path: Path, uv_set: int | None = None) -> RawMesh:
     return joined([part for part in parts if part is not None])
 
 
-def _world_matrices(file: GltfFile) -> dict[int, Float]:
-    """World transform of every node of the default scene, depth first."""
+def _world_matrices(file: GltfFile) -> tuple[dict[int, Float], set[int]]:
+    """World transform of every node of the default scene, depth first, and which of them are hidden."""
     nodes = file.tree.get("nodes", [])
     if "scenes" in file.tree:
         roots = file.item("scenes", file.tree.get("scene", 0)).get("nodes", [])
@@ -59,17 +60,21 @@ def _world_matrices(file: GltfFile) -> dict[int, Float]:
         children = {child for node in nodes for child in node.get("children", [])}
         roots = [index for index in range(len(nodes)) if index not in children]
     world: dict[int, Float] = {}
-    todo = [(index, np.eye(4)) for index in reversed(roots)]
+    hidden: set[int] = set()
+    todo = [(index, np.eye(4), True) for index in reversed(roots)]
     while todo:
-        index, above = todo.pop()
+        index, above, seen = todo.pop()
         node = file.item("nodes", index)
         if index in world:
             raise InputError(f"{file.path}: node {index} has two parents, or is its own ancestor")
         local = _local_matrix(node)
         nothing = np.abs(local - np.eye(4)).max() < FLOAT32_NOISE
         world[index] = above if nothing else above @ local
-        todo += [(child, world[index]) for child in reversed(node.get("children", []))]
-    return world
+        seen = seen and bool(node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True))
+        if not seen:
+            hidden.add(index)
+        todo += [(child, world[index], seen) for child in reversed(node.get("children", []))]
+    return world, hidden
 
 
 def _local_matrix(node: dict[str, Any]) -> Float:
@@ -107,11 +112,13 @@ def _primitives(file: GltfFile, node: int) -> Iterator[tuple[dict[str, Any], Pri
 def _part(
     file: GltfFile, node: int, mesh: dict[str, Any], primitive: Primitive, world: dict[int, Float], uv_set: int | None
 ) -> RawMesh | None:
-    """One primitive as a part, or None where it has no positions."""
+    """One primitive as a part, or None where it has no positions, or no size."""
     read = _Attributes(file, primitive)
     if "POSITION" not in read:
         return None
     entry = file.item("nodes", node)
+    if "skin" not in entry and not world[node][:3, :3].any():
+        return None  # scaled to nothing, as animations hide what they show at other times
     weights = entry.get("weights", mesh.get("weights", []))
     positions = read.morphed("POSITION", (3,), weights)
     normals = read.morphed("NORMAL", (3,), weights) if "NORMAL" in read else None

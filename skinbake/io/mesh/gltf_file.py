@@ -22,6 +22,7 @@ GEOMETRY_EXTENSIONS = {
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
     "KHR_mesh_quantization",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 }
 # Required by some exporters though they change neither where skin is nor its UVs

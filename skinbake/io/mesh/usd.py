@@ -46,8 +46,13 @@ def read_usd(path: Path, uv_set: int | None = None, time: float | None = None) -
         everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         parts = []
         for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
+            if prim.IsA(UsdGeom.PointInstancer) and _is_seen(prim, at):
+                raise InputError(
+                    f"{path}: {prim.GetPath()} is a PointInstancer, which is not supported; export its instances as"
+                    " meshes, or make it invisible"
+                )
             if prim.IsA(UsdGeom.Mesh) and _is_seen(prim, at):
-                parts += _parts(path, prim, at, np.array(cache.GetLocalToWorldTransform(prim)), uv_set)
+                parts += _parts(path, prim, at, _to_world(prim, cache), uv_set)
         up = str(UsdGeom.GetStageUpAxis(stage)).lower()
         scale = float(UsdGeom.GetStageMetersPerUnit(stage)) * METRE
     whole = joined(parts)
@@ -92,6 +97,21 @@ def _stage_of(path: Path) -> Iterator[Any]:
         silent.TakeUncoalescedDiagnostics()
         silent.TakeCoalescedDiagnostics()
         del silent
+
+
+def _to_world(prim: Any, cache: Any) -> Float:
+    """A mesh's points to the world, for rows; where joints carry it, the mesh's own transform does not count."""
+    from pxr import UsdSkel
+
+    binding = UsdSkel.BindingAPI(prim)
+    skeleton = binding.GetInheritedSkeleton()
+    if not skeleton or not _primvar(prim, cache.GetTime(), "skel:jointIndices"):
+        return np.array(cache.GetLocalToWorldTransform(prim))
+    bind, rest = skeleton.GetBindTransformsAttr().Get(), skeleton.GetRestTransformsAttr().Get()
+    # Programs write the bind pose in the world or in the skeleton's space; the first joint, a root, tells which
+    moved = bind[0].GetInverse() * rest[0] if bind and rest else np.eye(4)
+    to_world = np.array(binding.GetGeomBindTransformAttr().Get() or np.eye(4)) @ np.array(moved)
+    return to_world @ np.array(cache.GetLocalToWorldTransform(skeleton.GetPrim()))
 
 
 def _is_seen(prim: Any, at: Any) -> bool:

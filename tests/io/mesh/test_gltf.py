@@ -398,3 +398,20 @@ def test_tangents_come_along(tmp_path):
 
     for spoil in (other_uvs, morphed, lambda made, primitive: primitive["attributes"].pop("NORMAL")):
         assert tangent(spoil) is None
+
+
+@pytest.mark.parametrize(
+    "hides", [{"extensions": {"KHR_node_visibility": {"visible": False}}}, {"scale": [0, 0, 0]}], ids=str
+)
+def test_what_a_file_hides_is_not_there(tmp_path, hides):
+    """A node that is not visible, or has no size, and all below it."""
+    made, _ = plain(HEAD)
+    made.tree |= {
+        "extensionsUsed": ["KHR_node_visibility"],
+        "extensionsRequired": ["KHR_node_visibility"],
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"mesh": 0}, {"children": [2], **hides}, {"mesh": 0, "name": "hidden", "translation": [9, 9, 9]}],
+    }
+    assert_same(read(tmp_path, made))
+    with pytest.raises(InputError, match="no part is called 'hidden'"):
+        read(tmp_path, made, ignore=["hidden"])

@@ -192,3 +192,63 @@ def test_counts_that_do_not_fit_are_named(tmp_path):
         read_raw(stage(tmp_path, mesh().replace("[0, 1, 2, 3]", "[0, 1, 2, 9]")))
     with pytest.raises(InputError, match=r"/Head: st: expected 4 values \(faceVarying\), got 3"):
         read_raw(stage(tmp_path, mesh(ST.replace("(0, 0), ", ""))))
+
+
+def test_instances_are_refused_by_name(tmp_path):
+    """Not shown once, where the prototype lies; invisible ones are nothing."""
+    instancer = """def PointInstancer "Lashes" {{
+    rel prototypes = </Lashes/Card>
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 1), (0, 0, 2)]
+    {more}
+    {card}
+}}"""
+    card = mesh(name="Card")
+    path = stage(tmp_path, mesh(), instancer.format(more="", card=card))
+    with pytest.raises(InputError, match=r"head\.usda: /Lashes is a PointInstancer, which is not supported; export"):
+        read_raw(path)
+    unseen = instancer.format(more='token visibility = "invisible"', card=card)
+    assert len(read_raw(stage(tmp_path, mesh(), unseen)).faces) == 2
+
+
+def matrix(rows):
+    """A matrix of USD's, in its notation."""
+    return "(" + ", ".join(str(tuple(row)) for row in rows.tolist()) + ")"
+
+
+@pytest.mark.parametrize("in_the_world", [True, False])
+@pytest.mark.parametrize("geom_bind", [True, False])
+def test_skinned_points_lie_where_joints_hold_them(tmp_path, in_the_world, geom_bind):
+    """As UsdSkel's own skinning has it in the bind pose: the mesh's own transform does not count."""
+    from pxr import Gf, Usd, UsdGeom, UsdSkel
+
+    arm, bind, rest = np.eye(4), np.eye(4), np.eye(4)
+    arm[:3, :3], arm[3, 1] = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]) * 0.5, 7
+    bind[:3, :3] *= 3
+    rest[3, :3] = 1, 2, 3
+    more = f"""
+    rel skel:skeleton = </Root/Arm/Skeleton>
+    int[] primvars:skel:jointIndices = [0, 0, 0, 0] (elementSize = 1; interpolation = "vertex")
+    float[] primvars:skel:jointWeights = [1, 1, 1, 1] (elementSize = 1; interpolation = "vertex")
+    {f"matrix4d primvars:skel:geomBindTransform = {matrix(bind)}" if geom_bind else ""}
+    double3 xformOp:translate = (100, 200, 300)
+    uniform token[] xformOpOrder = ["xformOp:translate"]"""
+    head = mesh(more).replace('def Mesh "Head" {', 'def Mesh "Head" (prepend apiSchemas = ["SkelBindingAPI"]) {')
+    skeleton = f"""def Xform "Arm" {{
+    matrix4d xformOp:transform = {matrix(arm)}
+    uniform token[] xformOpOrder = ["xformOp:transform"]
+    def Skeleton "Skeleton" {{
+        uniform token[] joints = ["a"]
+        uniform matrix4d[] bindTransforms = [{matrix(rest @ arm if in_the_world else rest)}]
+        uniform matrix4d[] restTransforms = [{matrix(rest)}]
+    }}
+}}"""
+    path = stage(tmp_path, f'def SkelRoot "Root" {{\n{skeleton}\n{head}\n}}')
+    got = read_raw(path).positions
+    baked = Usd.Stage.Open(str(path))
+    UsdSkel.BakeSkinning(UsdSkel.Root(baked.GetPrimAtPath("/Root")), Gf.Interval(1, 1))
+    prim = baked.GetPrimAtPath("/Root/Head")
+    to_world = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(prim))
+    wanted = np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(1)) @ to_world[:3, :3] + to_world[3, :3]
+    np.testing.assert_allclose(got, wanted, atol=1e-5)
+    assert np.ptp(got, axis=0).max() == pytest.approx((30 if geom_bind else 10) * (1 if in_the_world else 0.5))
