@@ -17,6 +17,8 @@ from skinbake.io.radiance_header import read_radiance_header
 
 LARGEST_SIDE = 32768  # texels, as of texture.size
 XYZ = {"X": "R", "Y": "G", "Z": "B"}  # of vectors: an image of Y alone is grey
+# Kinds of files that hold colours multiplied by alpha unless they say otherwise. Of others OpenImageIO does not say it
+MULTIPLIED = ("openexr", "tiff", "targa", "rla", "iff")
 LONG = {"RED": "R", "GREEN": "G", "BLUE": "B", "ALPHA": "A"}
 
 
@@ -109,7 +111,10 @@ def read_stored(
         spec = source.spec()
         _header(path, spec)
         attributes = {attribute.name: attribute.value for attribute in spec.extra_attribs}
-        if "hdrgm:Version" in attributes and source.format_name() == "jpeg":
+        kind = source.format_name()
+        if kind == "pnm":
+            attributes.pop("oiio:ColorSpace", None)  # OpenImageIO's word, not the file's
+        if "hdrgm:Version" in attributes and kind == "jpeg":
             return _base_rendition(path, channel)
         if spec.deep or spec.depth != 1:
             raise InputError(f"{path}: expected a flat image, got a deep or volume one")
@@ -125,7 +130,7 @@ def read_stored(
         found = source.read_image(part, 0, low, high, _unknown())
         if found is None or source.has_error:
             raise InputError(f"{path}: the image is cut or damaged ({_reason(source.geterror())})")
-        if source.format_name() == "hdr":
+        if kind == "hdr":
             said = read_radiance_header(path)
             found = said.upright(found)
             if said.applied != (1.0, 1.0, 1.0):  # the file's pixels are radiance times that
@@ -136,8 +141,9 @@ def read_stored(
     alpha = None
     if len(wanted) > len(chosen):
         alpha = _fraction(found[..., wanted[-1] - low])
+        multiplied = kind in MULTIPLIED and not attributes.get("oiio:UnassociatedAlpha")
         # In our own files A is the charts' coverage
-        if divide and not attributes.get("oiio:UnassociatedAlpha") and "skinbake:version" not in attributes:
+        if divide and multiplied and "skinbake:version" not in attributes:
             pixels = _divided(pixels, alpha)
     return StoredImage(pixels, alpha, attributes)
 

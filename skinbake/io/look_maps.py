@@ -64,6 +64,9 @@ def read_look_maps(
     warnings, notes = missing_tiles(spec.maps, tiles), list[str]()
     if spec.maps.source == "file":
         maps, notes = _with_materials(spec, mesh, maps, tiles, charts)
+    if maps.normal_space == "object" and mesh.turn is not None:
+        turn = mesh.turn.T.astype(np.float32)  # the map was made in the file's axes
+        maps = replace(maps, normal={tile: image @ turn for tile, image in maps.normal.items()})
     warnings += inward_normals(maps)
     maps = repaint(spec, mesh, maps)
     if spec.maps.vertex_colors:

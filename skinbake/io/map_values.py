@@ -127,6 +127,10 @@ def _normals(of: NormalMapSpec | DetailMapSpec, path: Path, stored: StoredImage)
     if count == 1:
         raise InputError(f"{path}: expected normals in two or three channels, got one; maps.height takes heights")
     two = count == 2 or (values[..., 2].max() <= BLACK and values[..., 2].min() >= -BLACK)
+    if two and isinstance(of, NormalMapSpec) and of.space == "object":
+        raise InputError(
+            f"{path}: expected normals in three channels with space: object, got two; z may point either way there"
+        )
     encoding: str = of.encoding
     if encoding == "auto":
         is_integer = np.issubdtype(stored.pixels.dtype, np.integer)

@@ -67,13 +67,19 @@ class NormalMapSpec(FileMapSpec):
     """Normal map with its conventions; `encoding` unsigned holds 0 ... 1 for -1 ... 1."""
 
     space: Literal["tangent", "object"] = "tangent"
-    """Tangent space of the UVs (MikkTSpace), or object space."""
+    """Tangent space of the UVs (MikkTSpace), or object space: along the axes of the mesh's file."""
     green: Green = "opengl"
     """Whether green points along v (`opengl`) or against it (`directx`)."""
     encoding: Encoding = "auto"
     """`unsigned` holds 0 ... 1 for -1 ... 1; `auto` decides by the kind of file."""
     strength: NonNegative = 1.0
-    """Factor on the slopes."""
+    """Factor on the slopes, of tangent space alone."""
+
+    @model_validator(mode="after")
+    def _slopes(self) -> NormalMapSpec:
+        if self.space == "object" and self.strength != 1:
+            raise ValueError("expected strength beside space: tangent, whose slopes it scales, got space: object")
+        return self
 
 
 class DetailMapSpec(FileMapSpec):

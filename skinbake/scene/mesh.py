@@ -46,6 +46,8 @@ class SkinMesh:
         For each part of a glTF its material's index, -1 for none; empty for other files.
     casters : Casters, optional
         What rays meet besides the skin.
+    turn : ndarray of shape (3, 3), optional
+        Rotation from the file's axes to these, for vectors as columns.
     notes : tuple of str
         What was decided while reading that a person should know.
     """
@@ -61,6 +63,7 @@ class SkinMesh:
     corner_rgb: Float | None = None
     part_material: tuple[int, ...] = ()
     casters: Casters | None = None
+    turn: Float | None = None
     notes: tuple[str, ...] = ()
     _derived: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 

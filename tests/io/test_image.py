@@ -155,6 +155,16 @@ def test_colours_beyond_rec709_are_brought_to_its_edge(tmp_path):
         read_maps(MapsSpec(albedo=str(bright)))
 
 
+def test_a_portable_map_says_no_colour_space(tmp_path):
+    """PPM is sRGB as all integers that say nothing, PFM linear as floats; its last row comes first."""
+    (tmp_path / "a.ppm").write_bytes(b"P6\n1 1\n255\n" + bytes([128, 64, 32]))
+    expected = srgb_to_linear(np.array([128, 64, 32]) / 255)
+    np.testing.assert_allclose(read_map(tmp_path / "a.ppm", 3)[0, 0], expected, atol=1e-6)
+    rows = np.array([[[0.1, 0.2, 0.3]], [[0.5, 0.25, 0.75]]], "<f4")
+    (tmp_path / "a.pfm").write_bytes(b"PF\n1 2\n-1.0\n" + rows.tobytes())
+    np.testing.assert_allclose(read_map(tmp_path / "a.pfm", 3), rows[::-1], atol=1e-6)
+
+
 @pytest.mark.parametrize("green", ["opengl", "directx"])
 def test_normals_are_unfolded_and_green_points_up(tmp_path, green):
     """0 ... 1 becomes -1 ... 1; DirectX green is turned."""
@@ -209,6 +219,16 @@ def test_two_channels_are_normals_whose_z_is_rebuilt(tmp_path, case):
     elif path.suffix == ".exr":
         with pytest.raises(InputError, match="say encoding: unsigned or signed"):
             read_maps(MapsSpec(normal=str(path)))
+
+
+def test_two_channels_are_no_normals_in_object_space(tmp_path):
+    """On the far side z points the other way."""
+    path = save(tmp_path / "n.png", np.full((4, 4, 3), (128, 128, 0), np.uint8))
+    spec = MapsSpec.model_validate({"normal": {"path": str(path), "space": "object"}})
+    with pytest.raises(InputError, match=r"n\.png: expected normals in three channels with space: object, got two"):
+        read_maps(spec)
+    with pytest.raises(ValueError, match="expected strength beside space: tangent"):
+        MapsSpec.model_validate({"normal": {"path": str(path), "space": "object", "strength": 0.5}})
 
 
 def test_floats_that_are_no_normals_are_not_guessed(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from PIL import Image
 
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, write_parts
@@ -42,6 +43,16 @@ def test_unassociated_alpha_is_left_alone(tmp_path, suffix):
     found = read_stored(path)
     np.testing.assert_array_equal(found.pixels, pixels[..., :3])
     np.testing.assert_allclose(found.alpha, [[128 / 255, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", ["bmp", "dds", "jp2"])
+def test_alpha_that_nothing_is_said_of_is_left_alone(tmp_path, suffix):
+    """Kinds of files that hold plain colours beside alpha, of which OpenImageIO does not say it."""
+    pixels = np.tile(np.array([100, 50, 25, 128], np.uint8), (8, 8, 1))
+    Image.fromarray(pixels).save(tmp_path / f"map.{suffix}")
+    found = read_stored(tmp_path / f"map.{suffix}")
+    np.testing.assert_array_equal(found.pixels, pixels[..., :3])
+    np.testing.assert_allclose(found.alpha, 128 / 255, atol=1e-6)
 
 
 def test_coverage_in_our_own_files_is_no_alpha(tmp_path):

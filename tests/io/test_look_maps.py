@@ -6,6 +6,7 @@ import base64
 import io
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from PIL import Image
 
@@ -14,8 +15,10 @@ from skinbake.diffuse.light_entering import albedo_of
 from skinbake.errors import ConfigError, InputError
 from skinbake.io.colour import srgb_to_linear
 from skinbake.io.config import load_look
+from skinbake.io.mesh import write_obj
 from skinbake.io.scene_files import read_scene
 from tests.gltf_files import Gltf, plain, vertices_of
+from tests.images import save
 from tests.shapes import joined, quad
 
 LOOK = """\
@@ -353,3 +356,16 @@ def test_joined_parts_keep_their_colours(tmp_path):
         scene(tmp_path, text=VERTICES)
     albedo = scene(tmp_path, "mesh.skin=part0", text=VERTICES).maps.albedo[1001]
     np.testing.assert_allclose(albedo, np.full((32, 32, 3), 0.25), atol=1e-6)
+
+
+@pytest.mark.parametrize(("keys", "direction"), [("", (1, 2, 3)), ("up: z", (1, 3, -2)), ("front: -z", (-1, 2, -3))])
+def test_normals_in_object_space_turn_with_the_mesh(tmp_path, keys, direction):
+    """The map lies along the axes of the file, as the mesh does."""
+    write_obj(tmp_path / "head.obj", quad())
+    image = np.broadcast_to(np.float32([1, 2, 3]) / np.float32(14**0.5), (4, 4, 3))
+    save(tmp_path / "n.exr", image, oiio.FLOAT)
+    text = LOOK.replace("head.glb", "head.obj").replace("any_size: true", f"any_size: true, {keys}")
+    text = text.replace("maps: file", "maps: {normal: {path: n.exr, space: object}}")
+    np.testing.assert_allclose(
+        scene(tmp_path, text=text).maps.normal[1001][2, 1], np.array(direction) / 14**0.5, atol=1e-6
+    )

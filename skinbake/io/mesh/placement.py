@@ -10,6 +10,7 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.io.mesh.raw_file import refuse_endless
 from skinbake.io.mesh.raw_mesh import RawMesh
+from skinbake.numerics import Float
 
 UP = {"y": np.eye(3), "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])}
 FRONT = {
@@ -18,6 +19,20 @@ FRONT = {
     "x": np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]),
     "-x": np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
 }
+
+
+def turned_axes(raw: RawMesh, up: str | None = None, front: str = "z") -> Float:
+    """The rotation that `placed` does, for vectors as columns, shape (3, 3).
+
+    Parameters
+    ----------
+    raw : RawMesh
+    up : "y", "z" or None
+    front : str
+        As of `placed`.
+    """
+    turn: Float = FRONT[front] @ UP[up or raw.up or "y"]
+    return turn
 
 
 def placed(path: Path, raw: RawMesh, mm_per_unit: float | None, up: str | None = None, front: str = "z") -> RawMesh:
@@ -50,7 +65,7 @@ def placed(path: Path, raw: RawMesh, mm_per_unit: float | None, up: str | None =
     with np.errstate(over="ignore"):  # what overflows is infinite, and refused
         positions = raw.positions * mm_per_unit
     refuse_endless(path, positions)
-    turn = FRONT[front] @ UP[up or raw.up or "y"]
+    turn = turned_axes(raw, up, front)
     if (turn == np.eye(3)).all():
         return replace(raw, positions=positions, mm_per_unit=mm_per_unit)
     return replace(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skinbake.errors import InputError
 from skinbake.io.mesh.opacity import with_opacity
 from skinbake.io.mesh.parts import choose_parts
-from skinbake.io.mesh.placement import placed
+from skinbake.io.mesh.placement import placed, turned_axes
 from skinbake.io.mesh.raw_file import LARGEST, read_raw
 from skinbake.io.mesh.raw_mesh import RawMesh
 from skinbake.io.mesh.size import refuse_wrong_size
@@ -76,7 +76,8 @@ def read_mesh(
     """
     path = Path(path)
     raw = read_raw(path, uv_set, time)
-    own_mm_per_unit, raw = raw.mm_per_unit, placed(path, raw, mm_per_unit, up, front)
+    own_mm_per_unit, turn = raw.mm_per_unit, turned_axes(raw, up, front)
+    raw = placed(path, raw, mm_per_unit, up, front)
     roles = choose_parts(path, raw, skin, cast, ignore, uvs_needed=unwrap == "none" and not without_uvs)
     mesh = skin_of(raw, roles.skin)
     if not any_size:
@@ -89,7 +90,7 @@ def read_mesh(
     if casters is not None and opacity:
         casters = with_opacity(path, raw, roles.cast, casters, opacity, uv_set, "mesh.opacity")
     corner_uv = _flipped(mesh.corner_uv) if flip_v and has_uvs else mesh.corner_uv
-    mesh = replace(mesh, corner_uv=corner_uv, casters=casters, notes=roles.notes)
+    mesh = replace(mesh, corner_uv=corner_uv, casters=casters, turn=turn, notes=roles.notes)
     return unwrap_mesh(mesh, has_uvs=has_uvs, waiting=waiting) if unwrap == "xatlas" else mesh
 
 
