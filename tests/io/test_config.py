@@ -88,7 +88,7 @@ def test_overrides_reach_into_lists_by_index_and_by_name(look):
             "look.yaml:7: lights[0].position_mm: does not belong here; expected one of name, shadows, type, ",
         ),
         ("model: gaussians", "model: dipole", "look.yaml:4: skin.variance_mm2: does not belong here; expected one of "),
-        ("unit: mm", "unit: mm, 7: 3", "look.yaml:1: mesh[7]: expected text as a key, got 7"),
+        ("unit: mm", "unit: mm, 7: 3", "look.yaml:1: mesh.7: unknown key; expected one of path, "),
         ("mesh: {path: head.obj, unit: mm}", "mesh: 5", "look.yaml:1: mesh: expected a mapping, got 5"),
         ("path: head.obj", "path: 2020-01-01", "look.yaml:1: mesh.path: expected text, got 2020-01-01"),
         (
