@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skinbake.atlas import interpolate, rasterize
+from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.terms.beam_shift import BeamShift
 from skinbake.diffuse.terms.curvature import MOST_GAIN, CurvedSkin, curve_skin, lobe_factors
@@ -80,6 +81,16 @@ def test_what_another_lobe_adds_is_taken_off():
     bent = curved.applied(even_lobes(gaussians), {1001: through})
     light = sum(np.asarray(lobe.weight_rgb) * lobe.rgb[1001][0].mean(axis=(0, 1)) for lobe in bent)
     np.testing.assert_allclose(light + 2 * 0.45 * total, 2 * 1.3 * total, rtol=2e-3)
+
+
+def test_form_finer_than_the_texels_of_a_wide_lobe_is_kept():
+    """Lobes stored at 8 x 6 texels show a gain that changes from each of its 64 x 48 to the next."""
+    gaussians = profile()
+    gain = np.where(np.indices((48, 64)).sum(axis=0) % 2, 0.7, 1.6).astype(np.float32)[..., None].repeat(3, axis=2)
+    curved = CurvedSkin({1001: gain}, {1001: gain}, gaussians.weight_rgb, np.ones((3, 3)), MEDIUM.layers[0])
+    bent = curved.applied(even_lobes(gaussians, (8, 6)))
+    light = sum(np.asarray(of.weight_rgb) * magnify_bilinear(of.rgb[1001][0], gain.shape[:2]) for of in bent)
+    np.testing.assert_allclose(light, 2 * gain * gaussians.weight_rgb.sum(axis=0), rtol=2e-3)
 
 
 def test_lobes_of_the_same_pixels_are_put_aside_once():

@@ -127,6 +127,8 @@ class CurvedSkin:
     ) -> tuple[Lobe, ...]:
         """The lobes of the profile, each times what the skin's form makes of it.
 
+        However smooth a lobe is, form may change within its texels: it gets as many as the gain has at least.
+
         Parameters
         ----------
         lobes : sequence of Lobe
@@ -144,11 +146,19 @@ class CurvedSkin:
                     unchanged[of] = aside(lobe)
                 found.append(unchanged[of].figured_as(lobe))
                 continue
-            rgb = {tile: np.array(image, np.float32) for tile, image in lobe.rgb.items()}
-            for tile, image in rgb.items():
-                multiply_by_gain(gain[tile], factor, image)
+            rgb = {}
+            for tile, image in lobe.rgb.items():
+                rgb[tile] = np.empty((len(image), *bent_shape(image, gain[tile]), 3), np.float32)
+                for light, out in zip(image, rgb[tile], strict=True):
+                    out[:] = magnify_bilinear(np.asarray(light, np.float32), out.shape[:2])
+                multiply_by_gain(gain[tile], factor, rgb[tile])
             found.append(aside(replace(lobe, rgb=rgb)))
         return tuple(found)
+
+
+def bent_shape(image: NDArray[np.floating], gain: Image) -> tuple[int, int]:
+    """Rows and columns that a lobe (L, h, w, 3) has once it is multiplied by a gain (h, w, 3)."""
+    return max(image.shape[1], gain.shape[0]), max(image.shape[2], gain.shape[1])
 
 
 def _less(gain: Image, through: Image | None) -> Image:

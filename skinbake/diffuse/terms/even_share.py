@@ -16,7 +16,7 @@ from skinbake.atlas import AtlasRaster
 from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.skin_weights import SkinWeights
-from skinbake.diffuse.terms.curvature import CurvedSkin, multiply_by_gain
+from skinbake.diffuse.terms.curvature import CurvedSkin, bent_shape, multiply_by_gain
 from skinbake.diffuse.terms.far_side import in_parts
 from skinbake.diffuse.terms.flesh_rays import gathered, through_along
 from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
@@ -188,7 +188,10 @@ def _sent_back(
     factors = curved.factors() if curved else [None] * len(lobes)
     total = np.zeros((*raster.shape, 3), np.float32)
     for i, (lobe, factor) in enumerate(zip(lobes, factors, strict=True)):
-        height, width = np.minimum(lobe.rgb[raster.tile].shape[1:3], raster.shape)
+        shape = lobe.rgb[raster.tile].shape[1:3]
+        if gain is not None and factor is not None:
+            shape = bent_shape(lobe.rgb[raster.tile], gain[raster.tile])
+        height, width = np.minimum(shape, raster.shape)
         image = np.ones((1, height, width, 3), np.float32)
         if even is not None:
             image *= magnify_bilinear(even[i].rgb[raster.tile][0], image.shape[1:3])
