@@ -83,8 +83,8 @@ def bake_job(job: BakeJob, tell: Callable[[dict[str, Any]], None]) -> dict[str, 
         manifest = read_manifest(job.spec.output.dir)
     except (InputError, ConfigError) as error:
         return {"status": "failed", "error": str(error), "seconds": time.perf_counter() - start}
-    if status == "done" and all(stages.values()):
-        status = "fresh"
+    if status == "done" and all(reused for stage, reused in stages.items() if stage != "read"):
+        status = "fresh"  # reading, as for which tiles there are, makes nothing
     found = manifest["error"] or {}
     return {
         "status": status,

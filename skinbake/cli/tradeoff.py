@@ -77,11 +77,11 @@ def command(
     work.write(rows, final=True)
     if as_json:
         click.echo(json.dumps([asdict(row) for row in rows], indent=1, default=list))
-    elif verbosity:
+    elif verbosity and rows:
         click.echo(printable("\n".join(advice(rows))))
         click.echo(printable(f"{folder / 'tradeoff.md'}, .csv and .png: {len(rows)} settings"))
     if stopped:
-        click.echo("stopped: what was measured is kept, run again to go on", err=True)
+        click.echo("stopped" + (": what was measured is kept, run again to go on" if rows else ""), err=True)
         return 130
     return 0
 

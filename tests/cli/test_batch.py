@@ -105,11 +105,14 @@ def test_bytes_do_not_tell_what_was_shared(here, folder):
     assert alone == {name: value for name, value in want.items() if name.startswith("thick-dusk/")}
 
 
-def test_a_second_run_does_nothing(here, folder):
-    """Not a file is written but the manifests, and the report says so."""
-    batch(folder)
+@pytest.mark.parametrize("udim", ["false", "true"])
+def test_a_second_run_does_nothing(here, folder, monkeypatch, udim):
+    """Not a file is written but the manifests, and the report says so; also where the mesh is read for its tiles."""
+    tiles = ("--set", f"texture.udim={udim}")
+    batch(folder, *tiles)
     before = {f: f.stat().st_mtime_ns for f in (folder / "out").glob("*/*.exr")}
-    jobs = batch(folder)
+    monkeypatch.setattr("skinbake.baking.session._LAST", {})  # as in another process
+    jobs = batch(folder, *tiles)
     assert {job["status"] for job in jobs.values()} == {"fresh"}
     assert {f: f.stat().st_mtime_ns for f in before} == before
 

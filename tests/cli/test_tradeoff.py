@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from skinbake.cli import run
 from skinbake.cli.child_process import Child, in_child
 from skinbake.cli.exact_values import exact_values
+from skinbake.cli.tradeoff import Measurements
 from skinbake.errors import InputError, MachineError
 from skinbake.io.config import load_look
 from skinbake.io.mesh import write_obj
@@ -184,6 +185,14 @@ def test_measures_continues_and_advises(look, tmp_path, monkeypatch, capsys):
     assert run([*command, "--repeats", "3"]) == 130
     with open(tmp_path / "t" / "tradeoff.csv", newline="") as file:
         assert {r["setting"] for r in csv.DictReader(file)} == SHOWN
+
+    # Before the first: no table, and none is named
+    capsys.readouterr()
+    monkeypatch.setattr(Measurements, "_make_reference", interrupted)
+    assert run([part if part != str(tmp_path / "t") else str(tmp_path / "none") for part in command]) == 130
+    told = capsys.readouterr()
+    assert (told.out, told.err.splitlines()[-1]) == ("", "stopped")
+    assert not (tmp_path / "none").exists()
 
 
 def test_one_task_a_process():
