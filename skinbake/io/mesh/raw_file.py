@@ -9,9 +9,10 @@ import numpy as np
 from skinbake.errors import InputError
 from skinbake.io.mesh.gltf import read_gltf
 from skinbake.io.mesh.kept_obj import read_kept_obj
+from skinbake.io.mesh.off import read_off
 from skinbake.io.mesh.ply import read_ply
 from skinbake.io.mesh.raw_mesh import RawMesh
-from skinbake.io.mesh.trimesh_file import read_with_trimesh
+from skinbake.io.mesh.stl import read_stl
 from skinbake.io.mesh.usd import SUFFIXES as USD_SUFFIXES
 from skinbake.io.mesh.usd import read_usd
 from skinbake.numerics import Float
@@ -56,7 +57,7 @@ def read_raw(path: Path, uv_set: int | None = None, time: float | None = None, k
         elif suffix in USD_SUFFIXES:
             raw = read_usd(path, uv_set, time)
         else:
-            raw = read_ply(path) if suffix == ".ply" else read_with_trimesh(path)
+            raw = {".ply": read_ply, ".stl": read_stl, ".off": read_off}[suffix](path)
     except PermissionError:
         raise InputError(f"{path}: permission to read it is missing") from None
     except OSError as error:

@@ -67,6 +67,20 @@ class RawMesh:
         )
 
 
+def bare_mesh(positions: Float, faces: NDArray[np.integer]) -> RawMesh:
+    """One part without name, UVs and normals, of positions (V, 3) and triangles (F, 3)."""
+    count = len(faces)
+    return RawMesh(
+        positions,
+        faces.astype(np.int32),
+        np.zeros((count, 3, 2)),
+        np.zeros(count, np.bool_),
+        np.zeros((count, 3, 3)),
+        np.zeros(count, np.int32),
+        ((),),
+    )
+
+
 def refuse_missing_vertices(path: Path, index: NDArray[np.integer], count: int) -> None:
     """Refuse triangles that name vertices which a file does not hold.
 
