@@ -122,6 +122,8 @@ def read_stored(
         if window != (spec.full_x, spec.full_y, spec.full_width, spec.full_height):
             raise InputError(f"{path}: expected a data window equal to the display window, got {window}")
         chosen = _channel(path, names, channel) if channel else _colours(path, names)
+        if kind == "openexr" and any(str(spec.channelformat(i)) == "uint" for i in chosen):
+            raise InputError(f"{path}: expected half or float values, got whole numbers (UINT), as identifiers are")
         wanted = list(chosen)
         if channel is None and "A" in names and names["A"] not in wanted:
             wanted.append(names["A"])

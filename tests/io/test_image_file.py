@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import OpenEXR
 import OpenImageIO as oiio
 import pytest
 from PIL import Image
@@ -53,6 +54,18 @@ def test_alpha_that_nothing_is_said_of_is_left_alone(tmp_path, suffix):
     found = read_stored(tmp_path / f"map.{suffix}")
     np.testing.assert_array_equal(found.pixels, pixels[..., :3])
     np.testing.assert_allclose(found.alpha, 128 / 255, atol=1e-6)
+
+
+def test_identifiers_are_no_values(tmp_path):
+    """Whole numbers of an EXR are no shares of the largest one; beside colours they do no harm."""
+    rows = np.full((4, 4), 7, np.uint32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"Y": rows}).write(str(tmp_path / "id.exr"))
+    with pytest.raises(InputError, match=r"id\.exr: expected half or float values, got whole numbers \(UINT\)"):
+        read_stored(tmp_path / "id.exr")
+    colours = {name: np.full((4, 4), 0.25, np.float32) for name in "RGB"}
+    OpenEXR.File(header, colours | {"id": rows}).write(str(tmp_path / "both.exr"))
+    np.testing.assert_array_equal(read_stored(tmp_path / "both.exr").pixels, np.full((4, 4, 3), 0.25))
 
 
 def test_coverage_in_our_own_files_is_no_alpha(tmp_path):

@@ -65,7 +65,8 @@ def with_opacity(
         for number in chosen:
             if picture == OF_FILE and number not in of_part:
                 continue
-            if not raw.has_uv[cast][part == number].all():
+            is_even = picture == OF_FILE and of_part[number].size == 1
+            if not is_even and not raw.has_uv[cast][part == number].all():
                 raise InputError(f"{path}: {key}: expected UVs by which to look it up, {raw.labels[number]} has none")
             if picture == OF_FILE:
                 opacity.append(of_part[number])

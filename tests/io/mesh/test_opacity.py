@@ -37,14 +37,15 @@ def picture(alpha=None, grey=0):
 ALPHA = [[0, 51], [153, 255]]
 
 
-def character(folder, **materials):
-    """head.glb: a head, and a card for each material, called after it."""
+def character(folder, bare=False, **materials):
+    """head.glb: a head, and a card for each material, called after it; `bare` ones have no UVs."""
     made, nodes = Gltf(), []
     meshes = {"Head": sphere(120.0, "latlong", 12)} | {name: quad(z_mm=150.0 + k) for k, name in enumerate(materials)}
     for name, mesh in meshes.items():
         positions, uv, normals, faces = vertices_of(mesh)
         attributes = {"POSITION": made.accessor(positions), "NORMAL": made.accessor(normals)}
-        attributes["TEXCOORD_0"] = made.accessor(uv)
+        if name == "Head" or not bare:
+            attributes["TEXCOORD_0"] = made.accessor(uv)
         more = {"material": made.material(name=name, **materials[name](made))} if name in materials else {}
         nodes.append(
             {"name": name, "mesh": made.mesh(attributes, made.accessor(faces.ravel(), "I"), name=name, **more)}
@@ -77,6 +78,21 @@ def test_alpha_of_materials(tmp_path):
     np.testing.assert_allclose(found.opacity[0], np.array(ALPHA) / 510, atol=1e-6)
     np.testing.assert_array_equal(found.opacity[1], [[0, 0], [1, 1]])
     np.testing.assert_allclose(found.opacity[2], [[0.25]])
+
+
+def test_glass_needs_no_uvs(tmp_path):
+    """An alpha without a picture is the same everywhere."""
+    character(
+        tmp_path,
+        bare=True,
+        Glass=lambda made: {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.25]}},
+        Fringe=blended,
+    )
+    found = casters(tmp_path, "{Glass: file}")
+    assert found.image.tolist() == [0, 0, OPAQUE, OPAQUE]
+    np.testing.assert_allclose(found.opacity[0], [[0.25]])
+    with pytest.raises(InputError, match=r"mesh\.opacity: expected UVs by which to look it up, Fringe has none"):
+        casters(tmp_path, "file")
 
 
 def test_a_picture_for_all_or_by_part(tmp_path):
