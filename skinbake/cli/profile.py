@@ -18,7 +18,9 @@ RADII = "0.01,0.03,0.1,0.3,1,3,10"
 @config_argument
 @click.option("--radii", default=RADII, show_default=True, metavar="MM,MM,...", help="Distances along the skin.")
 @json_option
-@click.option("--csv", "as_csv", is_flag=True, help="Report as CSV on stdout; a `table` skin can read it.")
+@click.option(
+    "--csv", "as_csv", is_flag=True, help="Report as CSV on stdout; a `table` skin can read it, of close --radii."
+)
 @click.option("--photons", type=click.IntRange(min=1), help="Photons a channel, for model transport.")
 @set_option
 def command(

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from skinbake.atlas import FIRST_TILE
+
 WORDS = {"skies": "skies", "soft_boxes": "soft boxes of 10 degrees", "suns": "suns"}
 
 
@@ -51,8 +53,9 @@ class KindError:
         kind : str
             One of `WORDS`.
         """
-        u, v = self.worst_at["uv"]
+        (u, v), tile = self.worst_at["uv"], self.worst_at.get("tile", FIRST_TILE)
+        of_tile = "" if tile == FIRST_TILE else f" of tile {tile}"
         return (
             f"{self.lights} {WORDS[kind]}: rms {self.rms:.2%}, p95 {self.p95:.2%}, worst {self.worst:.2%} "
-            f"({self.worst_light['name']}, most at u {u:.3f} v {v:.3f}), {self.clamped:.2%} below 0"
+            f"({self.worst_light['name']}, most at u {u:.3f} v {v:.3f}{of_tile}), {self.clamped:.2%} below 0"
         )
