@@ -61,7 +61,7 @@ batch: $(READY)  ## bake every look of BATCH, with -jN on N processes
 
 out/%/irradiance.exr: configs/%.yaml $(DATA) $(LIGHT_CODE) | $(READY)
 	$(SKINBAKE) irradiance $< --out $(@D)
-	@touch $@
+	@touch -c $@
 
 out/%/bake.json: configs/%.yaml out/%/irradiance.exr $(DATA) $(SKINS) $(CODE) | $(READY)
 	$(SKINBAKE) bake $< --out $(@D)

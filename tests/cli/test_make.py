@@ -123,6 +123,17 @@ def test_only_what_is_stale_is_made(project):
     assert "up to date" in project("out/tiny/bake.json")[0]
 
 
+def test_of_tiles_only_what_a_verb_writes_is_there(project):
+    """No empty irradiance.exr stands beside irradiance.1001.exr; what has not changed is as it was."""
+    look = project.folder / "configs" / "tiny.yaml"
+    look.write_text(look.read_text().replace("gutter: 4", "gutter: 4, udim: true"))
+    project("out/tiny/bake.json")
+    written = {path.name for path in (project.folder / "out" / "tiny").glob("irradiance*")}
+    assert written == {"irradiance.1001.exr"}
+    _, err = project("out/tiny/bake.json")
+    assert re.search("scattering light +as it was", err)
+
+
 def test_looks_of_a_batch_are_targets_and_can_be_made_side_by_side(project):
     """`make -j2` of two looks, then `make -j2 batch` for the rest."""
     targets = [f"out/looks/{name}/bake.json" for name in ("thin-day", "thick-day")]
