@@ -36,6 +36,12 @@ class UvReport:
     triangles, open_edges : int
     inside_out : bool
         The triangles turn inwards: closed by a lid over its widest opening, the mesh holds a negative volume.
+    turned : int
+        Triangles that turn the other way round than their neighbours, of both the smaller patch.
+    turned_share : float
+    against : int
+        Triangles whose corners' normals point to their back.
+    against_share : float
     doubled : int
         Triangles that exist once more, on the same three vertices.
     doubled_share : float
@@ -65,6 +71,10 @@ class UvReport:
     triangles: int
     open_edges: int
     inside_out: bool
+    turned: int
+    turned_share: float
+    against: int
+    against_share: float
     doubled: int
     doubled_share: float
     mm_per_texel: tuple[float, float, float]
@@ -87,6 +97,16 @@ class UvReport:
         found = []
         if self.inside_out:
             found.append("the triangles face inwards: flip the mesh's faces and normals")
+        if self.turned_share > SPOILT_SHARE:
+            found.append(
+                f"{self.turned} triangles ({self.turned_share:.1%} of the skin) turn the other way round than their"
+                " neighbours, so that light comes from inside there: make the mesh's faces face outwards everywhere"
+            )
+        elif self.against_share > SPOILT_SHARE and not self.inside_out:
+            found.append(
+                f"the normals of {self.against} triangles ({self.against_share:.1%} of the skin) point into it:"
+                " recalculate the mesh's normals, or leave them out of the file"
+            )
         if self.doubled_share > SPOILT_SHARE:
             found.append(
                 f"{self.doubled} triangles exist twice ({self.doubled_share:.1%} of the skin), as a double-sided export"
@@ -152,13 +172,18 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
     spread = np.sqrt(np.maximum((e - h) ** 2 / 4 + f * f, 0))
     stretch = np.sqrt(safe_div((e + h) / 2 + spread, np.maximum((e + h) / 2 - spread, 1e-12 * (e + h))))
     open_edges, inside_out = _closure(mesh)
-    doubled = _doubled(mesh)
+    doubled, turned = _doubled(mesh), _turned(mesh)
+    against = np.einsum("fki,fi->f", mesh.corner_normal, mesh.face_normal) < 0
     return UvReport(
         extent_mm=tuple(float(x) for x in np.ptp(mesh.positions_mm, axis=0)),  # type: ignore[arg-type]
         area_mm2=float(area.sum()),
         triangles=len(area),
         open_edges=open_edges,
         inside_out=inside_out,
+        turned=int(turned.sum()),
+        turned_share=float(area[turned].sum() / total),
+        against=int(against.sum()),
+        against_share=float(area[against].sum() / total),
         doubled=int(doubled.sum()),
         doubled_share=float(area[doubled].sum() / total),
         mm_per_texel=tuple(_quantile(np.sqrt(element)[drawn], area[drawn], q) for q in (0.05, 0.5, 0.95)),  # type: ignore[arg-type]
@@ -229,6 +254,27 @@ def _doubled(mesh: SkinMesh) -> NDArray[np.bool_]:
     doubled = np.ones(len(mesh.faces), np.bool_)
     doubled[first] = False
     return doubled
+
+
+def _turned(mesh: SkinMesh) -> NDArray[np.bool_]:
+    """Faces of patches that turn the other way round than a larger neighbour, (F,).
+
+    Two faces that turn alike go along their common edge in opposite directions.
+    """
+    a, b = mesh.faces.ravel().astype(np.int64), np.roll(mesh.faces, -1, axis=1).ravel().astype(np.int64)
+    key = np.minimum(a, b) * len(mesh.positions_mm) + np.maximum(a, b)
+    order = np.argsort(key, kind="stable")
+    ends = np.flatnonzero(np.diff(key[order], append=-1))
+    two = ends[(np.diff(ends, prepend=-1) == 2) & (a != b)[order[ends]]]  # of just two faces
+    one, other = order[two - 1], order[two]
+    unlike = (a < b)[one] == (a < b)[other]
+    if not unlike.any():
+        return np.zeros(len(mesh.faces), np.bool_)
+    patch = connected(one[~unlike] // 3, other[~unlike] // 3, len(mesh.faces))
+    area = np.bincount(patch, mesh.face_area_mm2)
+    first, second = patch[one[unlike] // 3], patch[other[unlike] // 3]
+    smaller = np.where(area[first] < area[second], first, second)[first != second]
+    return np.isin(patch, smaller)
 
 
 def _closure(mesh: SkinMesh) -> tuple[int, bool]:

@@ -128,3 +128,45 @@ def test_faces_that_look_inwards(kept, inwards):
     report = uv_report(turned, rasterize(turned, (64, 64)))
     assert report.inside_out == (inwards and kept != "plane")
     assert any("inwards" in fault for fault in report.faults) == report.inside_out
+
+
+def test_patches_that_turn_the_other_way_round_are_refused():
+    """An eighth of a closed ball, whose triangles face inwards there: its volume is still that of a ball."""
+    ball = sphere(90.0, "cube")
+    corner = (ball.corner_position_mm.mean(axis=1) > 0).all(axis=1)
+    faces = np.where(corner[:, None], ball.faces[:, ::-1], ball.faces)
+    uv = np.where(corner[:, None, None], ball.corner_uv[:, ::-1], ball.corner_uv)
+    report, _ = reported(replace(ball, faces=faces, corner_uv=uv))
+    assert report.turned == corner.sum()
+    assert report.turned_share == pytest.approx(1 / 8, rel=0.02)
+    assert not report.inside_out
+    (fault,) = report.faults
+    assert fault.startswith(f"{corner.sum()} triangles (12.5% of the skin) turn the other way round")
+    assert reported(ball)[0].turned == 0
+    assert reported(replace(ball, faces=ball.faces[:, ::-1], corner_uv=ball.corner_uv[:, ::-1]))[0].turned == 0
+
+
+def test_two_sheets_on_one_edge_do_not_count_as_turned():
+    """Only where just two triangles meet does it say something; doubled ones are told otherwise."""
+    both = joined(quad(100, 100), quad(100, 100))
+    both = replace(both, faces=np.concatenate([quad(100, 100).faces, quad(100, 100).faces[:, ::-1]]))
+    both = replace(both, positions_mm=quad(100, 100).positions_mm)
+    report, _ = reported(both)
+    assert report.turned == 0
+    assert any("exist twice" in fault for fault in report.faults)
+
+
+def test_normals_that_point_into_the_skin_are_refused():
+    """What a mirrored export leaves: every light would come from inside."""
+    ball = sphere(90.0, "cube")
+    report, _ = reported(replace(ball, corner_normal=-ball.corner_normal))
+    assert report.against == len(ball.faces)
+    (fault,) = report.faults
+    assert fault.startswith(
+        f"the normals of {len(ball.faces)} triangles (100.0% of the skin) point into it: recalculate"
+    )
+    few = ball.corner_normal.copy()
+    few[:3] *= -1
+    report, _ = reported(replace(ball, corner_normal=few))
+    assert report.against == 3
+    assert report.faults == ()
