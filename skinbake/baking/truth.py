@@ -132,10 +132,11 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         share = transmitted_share(np.linspace(0, 1, SHARE_NODES), oil.roughness, oil.f0, oil.strength, oil_table(oil))
 
     folder = Path(look.output.dir)
+    walked_through = look.skin.model_dump(exclude={"fit"})  # walks know nothing of the Gaussians
     key = key_of(
         code_digest("skinbake.transport.light_leaving", "skinbake.transport.points", "skinbake.baking.truth_maps"),
         input_hashes(look), look.mesh.model_dump(), look.maps.model_dump(include=set(WALKED)),
-        [light.model_dump() for light in look.lights], look.shadows, look.skin.model_dump(), points, walks,
+        [light.model_dump() for light in look.lights], look.shadows, walked_through, points, walks,
         look.output.seed, None if share is None else share.tolist(),
     )  # fmt: skip
     count = len(at.face)

@@ -36,7 +36,8 @@ def command(
     """Measure how far the bake of CONFIG is from light transport: random walks inside the closed mesh.
 
     Maps but those of the skin's width, melanin and blood are left out on both sides, and the skin keeps its medium's
-    colour. Walks that were done are kept: a command that was stopped goes on where it was.
+    colour. Walks that were done are kept: a command that was stopped goes on where it was, and
+    another number of Gaussians needs no others.
     """
     from skinbake.baking.truth import bare_look, measure_truth
     from skinbake.io.config import load_look

@@ -77,6 +77,11 @@ def test_a_ball_is_compared_and_taken_up_where_it_stopped(look, capsys):
     assert found["done"].all()
     assert read_walks(out, "another") is None
 
+    # Walks know nothing of the Gaussians
+    assert run([*command[:-1], "--set", "skin.fit={gaussians: 3}", "--set", "terms.incidence=off"]) == 0
+    assert "16 points are there already" in capsys.readouterr().err
+    assert read_walks(out, key) is not None
+
 
 def test_maps_are_left_out_in_a_folder_of_their_own(look, capsys):
     """A white skin with a colour of its own is compared as its medium is, beside the look's own bake."""
