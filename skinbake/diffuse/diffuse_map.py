@@ -52,7 +52,10 @@ class Lobe:
 
 @dataclass(frozen=True)
 class MeasuredError:
-    """Relative error against the surface integral of the same sum of Gaussians (`skinbake/docs/accuracy.md`)."""
+    """Relative error against the surface integral of the same sum of Gaussians (`skinbake/docs/accuracy.md`).
+
+    `rms` and its parts `method` and `storage` are of the light that they are worst for.
+    """
 
     rms: float
     p95: float

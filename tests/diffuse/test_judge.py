@@ -31,6 +31,19 @@ def test_luck_is_the_spread_of_the_mean_square():
     assert judge.unlucky_rms(error) > judge.rms(error)
 
 
+def test_the_light_that_errors_are_worst_for_is_judged():
+    """A lamp of a thousandth of the sky, off by a tenth; one that too few of the other probes will see is not."""
+    want = np.full((400, 6), [1e3, 1e3, 1e3, 1, 1, 1])
+    error = want * [0, 0, 0, 0.1, 0.1, 0.1]
+    assert Judge(want, np.ones(400), 2000).rms(error) == pytest.approx(0.1)
+    assert Judge(want, np.ones(400), 2000).unlucky_rms(error) > 0.1
+    want[2:, 3:] = error[2:, 3:] = 0
+    assert Judge(want, np.ones(400), 2000).rms(error) < 1e-3
+    weight = np.full(400, 0.5)
+    weight[:2] = 50  # of much more skin
+    assert Judge(want, weight, 10_000).rms(error) == pytest.approx(0.1)
+
+
 def test_darkness_is_right_and_light_in_it_infinitely_wrong():
     """Nothing is divided by zero, without probes either."""
     judge = Judge(np.zeros((3, 3)), np.ones(3), 10)

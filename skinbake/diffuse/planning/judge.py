@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinbake.diffuse.error import LEAST_SEEN, by_light, seen_by
 from skinbake.numerics import Float
 
 LUCK = 2.0  # standard deviations of the measured mean square
 
 
 class Judge:
-    """Errors at weighted probes, relative to the light that should leave.
+    """Errors at weighted probes, relative to the light that should leave: of all lights, or the worst one of them.
 
     Parameters
     ----------
@@ -26,7 +27,11 @@ class Judge:
 
     def __init__(self, want: Float, weight: Float, verifying: int, peak: float = 1.0) -> None:
         self.want, self.weight, self.verifying, self.peak = want, weight, verifying, peak
-        self.mean_square = float(np.mean(weight * (want * want).sum(axis=1))) if len(want) else 0.0
+        square = by_light(want)
+        # Lights that so many other probes will judge each by itself
+        seen = seen_by(square, weight[:, None]) * (verifying / max(len(want), 1)) >= LEAST_SEEN
+        self._own = np.flatnonzero(seen) if len(seen) > 1 else np.empty(0, np.int64)
+        self._mean_square = self._moments(want)[0]
         self.mean = float(np.mean(weight * want.mean(axis=1))) if len(want) else 0.0
 
     def peaks(self, error: Float) -> float:
@@ -43,15 +48,21 @@ class Judge:
     def unlucky_rms(self, error: Float) -> float:
         """The same, as so many other probes may find it with bad luck."""
         second, fourth = self._moments(error)
-        return self._relative(second + LUCK * float(np.sqrt(fourth / self.verifying)))
+        return self._relative(second + LUCK * np.sqrt(fourth / self.verifying))
 
-    def _moments(self, error: Float) -> tuple[float, float]:
-        square = np.einsum("pc,pc->p", error, error)
-        if not len(square):
-            return 0.0, 0.0
-        return float(np.mean(self.weight * square)), float(np.mean(self.weight * square * square))
+    def _moments(self, error: Float) -> tuple[Float, Float]:
+        """Mean square and mean fourth power of all lights together and of those that are judged alone, (1 + K,)."""
+        if not len(error):
+            return np.zeros(1 + len(self._own)), np.zeros(1 + len(self._own))
+        square = np.einsum("pc,pc->p", error, error)[:, None]
+        if len(self._own):
+            square = np.hstack([square, by_light(error)[:, self._own]])
+        weighted = self.weight[:, None] * square
+        return weighted.mean(axis=0), (weighted * square).mean(axis=0)
 
-    def _relative(self, mean_square: float) -> float:
-        if self.mean_square > 0:
-            return float(np.sqrt(mean_square / self.mean_square))
-        return 0.0 if mean_square == 0 else float("inf")
+    def _relative(self, mean_square: Float) -> float:
+        """Root of the largest share."""
+        lit = self._mean_square > 0
+        if (mean_square[~lit] > 0).any():
+            return float("inf")
+        return float(np.sqrt((mean_square[lit] / self._mean_square[lit]).max(initial=0.0)))
