@@ -73,7 +73,9 @@ def test_the_stages_alone_agree_on_the_size(folder, tmp_path):
     ours = str(tmp_path / "a" / "irradiance.exr")
     assert run(["diffuse", str(folder / "me.yaml"), ours, "--out", str(tmp_path / "b"), *quick]) == 0
     assert json.loads((tmp_path / "b" / "bake.json").read_text())["config"]["texture"]["size"] == [512, 1024]
-    theirs = str(folder / "off" / "irradiance.exr")
+    whole = ["--set", "texture.reduce=off", "--out", str(tmp_path / "off"), "--quiet"]
+    assert run(["irradiance", str(folder / "me.yaml"), *whole]) == 0
+    theirs = str(tmp_path / "off" / "irradiance.exr")
     assert run(["diffuse", str(folder / "me.yaml"), theirs, "--out", str(tmp_path / "c"), *quick]) == 0
     assert json.loads((tmp_path / "c" / "bake.json").read_text())["config"]["texture"]["size"] == [1024, 2048]
 
