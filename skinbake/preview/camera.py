@@ -132,7 +132,7 @@ def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
         For an unknown name.
     """
     if name not in VIEWS:
-        raise InputError(f"view: expected {', '.join(VIEWS)}, got {name}")
+        raise InputError(f"--views: expected {', '.join(VIEWS)}, got {name}")
     positions = mesh.positions_mm[np.unique(mesh.faces)]
     low, high = positions.min(0), positions.max(0)
     if name in ANGLES:

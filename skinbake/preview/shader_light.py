@@ -91,14 +91,14 @@ def gains_rgb(scene: PreviewScene, gains: Gains | None) -> Float:
     """
     lights = scene.lights
     if gains and not scene.separate:
-        raise InputError("lights: this bake summed its lights; bake with output.lights: separate to change them live")
+        raise InputError("--lights: this bake summed its lights; bake with output.lights: separate to change them live")
     rgb = np.ones((len(lights), 3))
     names = [light.name for light in lights]
     for name, gain in (gains or {}).items():
         if name not in names:
-            raise InputError(f"lights: expected names among {', '.join(names)}, got {name}")
+            raise InputError(f"--lights: expected names among {', '.join(names)}, got {name}")
         value = np.asarray(gain, dtype=np.float64)
         if value.shape not in ((), (3,)) or not np.isfinite(value).all() or (value < 0).any():
-            raise InputError(f"lights: expected {name}=gain or {name}=r/g/b, each >= 0, got {gain}")
+            raise InputError(f"--lights: expected {name}=gain or {name}=r/g/b, each >= 0, got {gain}")
         rgb[names.index(name)] = value
     return rgb

@@ -155,7 +155,7 @@ def test_without_opengl_everything_but_the_picture_is_there(tmp_path, monkeypatc
     ("options", "message"),
     [
         (["--mode", "lobe:2"], "lobe:0 ... lobe:1, got lobe:2"),
-        (["--views", "top"], "view: expected front"),
+        (["--views", "top"], "--views: expected front"),
         (["--lights", "kicker=1", "--exr"], "expected names among key, rim, got kicker"),
         (["--lights", "key"], "expected NAME=GAIN"),
         (["--lights", "key=-1", "--exr"], "each >= 0"),
