@@ -161,18 +161,20 @@ def light_entering(
     budget = decisions.budget
     slanted, plan = _decide_incidence(spec, budget, slant, skies, medium.why)
     albedo = [aside.array(albedo_of(scene.maps, raster, scene.mesh)) for raster in atlas]
+    total = np.sum([_area_sum(r.area_mm2, colour) for r, colour in zip(atlas, albedo, strict=True)], axis=0)
+    mean_albedo = total / sum(np.sum(raster.area_mm2) for raster in atlas)
     exponent = np.float32(spec.texturing.exponent_before)
     terms = spec.terms
     beams = terms.beam != "off" and any(has_beam(light) for light in spec.lights)
     flat = None
     if beams and gaussians.normalise == "white":
         # A white profile has the skin's own form in it: curvature only spreads beams, if a plane would have any shifted
-        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, None)
+        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, mean_albedo, None)
         beams = bool(flat[1])
     curved, line = curve_skin(scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible, beams)
     if flat is None or curved is not None:
         before = flat[0] if flat else ()
-        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, curved, before)
+        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, mean_albedo, curved, before)
     shifts, shifted, lines = flat
     if curved and not shifted and curved.spreads_beams_alone:
         curved, line = None, formed_already(terms.curvature)
@@ -258,7 +260,6 @@ def light_entering(
         lines = [Decision(TERM, False, why)]
     plan += lines
 
-    total = np.sum([_area_sum(r.area_mm2, colour) for r, colour in zip(atlas, albedo, strict=True)], axis=0)
     for (tile_number, rgb), colour in zip(light.items(), albedo, strict=True):
         for images in [rgb] if everywhere is None else [rgb, everywhere.rgb[tile_number]]:
             images *= colour if exponent == 1 else colour**exponent
@@ -267,7 +268,6 @@ def light_entering(
             np.maximum(further[tile_number], 0, out=further[tile_number])  # round-off
     free_path = free_path_of(medium, gaussians)
     beam = None if isinstance(free_path, str) or not further else BeamLight(further, narrowest_mm2(free_path[0]))
-    mean_albedo = total / sum(np.sum(raster.area_mm2) for raster in atlas)
     even_rgb = (slant.diffuse_rgb if slant and slanted else np.ones(3)).astype(np.float32)
     return LightEntering(
         names, light, beam, mean_albedo, even_rgb, frozenset(slanted), tuple(plan), curved, skin_light, everywhere

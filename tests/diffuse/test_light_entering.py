@@ -26,7 +26,7 @@ from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.skin import DipoleSkin
 from skinbake.scene.spec import SceneSpec
 from tests.diffuse.test_interreflection import plates
-from tests.shapes import joined, quad
+from tests.shapes import joined, quad, relief
 
 SKIN = {"model": "dipole", "sigma_a_per_mm": [0.032, 0.17, 0.48], "sigma_sp_per_mm": [0.74, 0.88, 1.01], "eta": 1.0}
 MEDIUM = skin_medium(DipoleSkin(**SKIN))
@@ -45,7 +45,7 @@ def sun(mu: float, name="sun"):
 
 
 def entering(mesh, lights, terms, size=(33, 32), medium=MEDIUM, weight=(1.0, 1.0, 1.0), **keys):
-    """Light that is blurred, that which arrived, and the raster."""
+    """Light that is blurred, that which arrived, and the raster; `weight` of a lobe, or narrower ones too."""
     spec = SceneSpec.model_validate(
         {
             "mesh": {"path": "m.obj", "unit": "mm"}, "skin": SKIN | keys.pop("skin", {}), "lights": lights,
@@ -57,7 +57,8 @@ def entering(mesh, lights, terms, size=(33, 32), medium=MEDIUM, weight=(1.0, 1.0
     atlas = rasterize(mesh, size, 2)
     decisions = decide(spec)
     arrived = light_skin(spec, decisions, scene, atlas)
-    gaussians = GaussianSum(np.ones(1), np.array([weight]), np.zeros(3), np.array(weight))
+    weight = np.array(weight, ndmin=2)
+    gaussians = GaussianSum(100.0 ** np.arange(1 - len(weight), 1), weight, np.zeros(3), weight.sum(axis=0))
     incidence = INCIDENCE if medium.layers else None
     return light_entering(spec, decisions, scene, atlas, arrived, gaussians, medium, incidence), arrived[0], atlas[0]
 
@@ -165,6 +166,22 @@ def test_even_light_is_not_moved_and_auto_says_so():
     auto = entering(quad(), [sun(0.4), SKY], {"beam": "auto"})[0]
     assert auto.beam is None
     assert not any(line.enabled for line in auto.plan)
+
+
+def test_light_left_unmoved_counts_by_its_colour():
+    """Where red alone goes far, a red lamp is as wrong as if all did, a blue one not at all, white by what leaves."""
+
+    def lost(colour, weight):
+        light = [sun(0.3) | {"irradiance": colour}]
+        got = entering(relief(), light, {"beam": "auto"}, weight=weight, diffusion={"tolerance": 1.0})[0]
+        return next(line.error for line in got.plan if line.term == "sun.beam")
+
+    all_far, red_far = [[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]], [[0.1, 1.0, 1.0], [0.9, 0.0, 0.0]]
+    red = lost([1, 0, 0], all_far)
+    assert red > 0.01
+    assert lost([1, 0, 0], red_far) == pytest.approx(red)
+    assert lost([0, 0, 1], red_far) == 0
+    assert lost([1, 1, 1], red_far) == pytest.approx(red * ALBEDO[0] / np.linalg.norm(ALBEDO), rel=1e-4)
 
 
 @pytest.mark.parametrize("lights", [[SKY], [sun(0.4)], [sun(0.4), SKY]], ids=["sky", "sun", "both"])

@@ -115,6 +115,7 @@ def decide_beams(
     irradiance: tuple[IrradianceMap, ...],
     gaussians: GaussianSum,
     medium: SkinMedium,
+    albedo_rgb: Float,
     curved: CurvedSkin | None,
     before: Sequence[BeamShift] = (),
 ) -> tuple[list[BeamShift], set[str], list[Decision]]:
@@ -129,6 +130,8 @@ def decide_beams(
     irradiance : tuple of IrradianceMap
     gaussians : GaussianSum
     medium : SkinMedium
+    albedo_rgb : ndarray of shape (3,)
+        Mean albedo: red light, which goes furthest, is most of what leaves.
     curved : CurvedSkin, optional
         Where curvature is counted.
     before : sequence of BeamShift
@@ -141,7 +144,8 @@ def decide_beams(
     if isinstance(free_path, str):
         return [], set(), [Decision("beam", False, f"{switch}: {free_path}")]
     wide = gaussians.variance_mm2 >= narrowest_mm2(free_path[0])
-    share = float(gaussians.weight_rgb[wide].sum() / max(gaussians.weight_rgb.sum(), 1e-12))
+    weight = gaussians.weight_rgb * albedo_rgb
+    share = weight[wide].sum(axis=0)
     shifts = list(before) or [
         BeamShift(raster, scene.mesh, scene.occluder, spec.texture.udim, k, *free_path)
         for k, raster in enumerate(atlas)
@@ -157,15 +161,16 @@ def decide_beams(
         of_tiles = zip(atlas, shifts, irradiance, strict=True)
         squares = [moved_share(raster, shift, light, tile.rgb[i], room) for raster, shift, tile in of_tiles]
         moved, there = np.sum(squares, axis=0)
-        lost = share * float(np.sqrt(moved / there)) if there > 0 else 0.0
+        leaves = float((weight.sum(axis=0) ** 2 * there).sum())
+        lost = float(np.sqrt((share**2 * moved).sum() / leaves)) if leaves > 0 else 0.0
         lines.append(_decide_beam(name, lost, switch, budget.terms_left(name)))
     return shifts, {line.term.removesuffix(".beam") for line in lines if line.enabled}, lines
 
 
 def moved_share(
     raster: AtlasRaster, shift: BeamShift, light: LightSpec, image: Image, room: Image
-) -> tuple[float, float]:
-    """Squares of the change and of the light, summed over a sample of a tile's skin.
+) -> tuple[Float, Float]:
+    """Squares of the change and of the light, summed over a sample of a tile's skin, by channel.
 
     Parameters
     ----------
@@ -182,7 +187,7 @@ def moved_share(
     area = raster.area_mm2[rows][..., None].astype(np.float64)
     here, upstream = shift.looked_at(light, image, rows, room)
     moved = upstream.astype(np.float64) - here
-    return float((area * moved**2).sum()), float((area * here.astype(np.float64) ** 2).sum())
+    return (area * moved**2).sum(axis=(0, 1)), (area * here.astype(np.float64) ** 2).sum(axis=(0, 1))
 
 
 def _decide_beam(name: str, moved: float, switch: str, limit: float) -> Decision:
