@@ -104,8 +104,14 @@ def import_pyrender() -> None:
         importlib.import_module("pyrender")
     finally:
         for name in stand_ins:
-            for loaded in [each for each in sys.modules if each == name or each.startswith(f"{name}.")]:
-                del sys.modules[loaded]
+            _unload(name)
+
+
+def _unload(name: str) -> None:
+    """Forget a module and what lies in it. Other threads import meanwhile, so that the names are copied first."""
+    for loaded in list(sys.modules):
+        if loaded == name or loaded.startswith(f"{name}."):
+            del sys.modules[loaded]
 
 
 def release_context(platform: Any) -> None:

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from skinbake.errors import MachineError
-from skinbake.preview.platform import choose_headless
+from skinbake.preview.platform import _unload, choose_headless
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="EGL and OSMesa are Linux's")
 
@@ -55,3 +55,23 @@ print(trimesh.creation.box().is_watertight)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["[]", "True", "True"]
+
+
+def test_modules_are_unloaded_while_others_are_imported(monkeypatch):
+    """By other threads, which read and trace while the picture's thread starts OpenGL; here as a name is read."""
+
+    class Importing(str):
+        """A name whose comparison imports another module."""
+
+        __hash__ = str.__hash__
+
+        def __eq__(self, other):
+            sys.modules["imported meanwhile"] = sys
+            return str.__eq__(self, other)
+
+    names = [Importing("first"), "unwanted", "unwanted.part", "unwanted_not"]
+    with monkeypatch.context() as patched:
+        patched.setattr(sys, "modules", sys.modules | dict.fromkeys(names, sys))
+        _unload("unwanted")
+        left = [str(name) for name in names if name in sys.modules]
+    assert left == ["first", "unwanted_not"]
