@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_part_files, write_parts
@@ -117,25 +118,27 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
     if not {"R", "G", "B"} <= set(total.channels):
         raise InputError(f"{path}: expected channels R, G, B, got {', '.join(total.channels)}")
     chosen = [parts[name] for name in lights] or [total]
-    rgb = np.stack([part.rgb for part in chosen])
-    height, width = rgb.shape[1:3]
+    height, width = chosen[0].channels["R"].shape
     if size is not None and (width, height) != tuple(size):
         raise InputError(f"{path}: expected texture.size {size[0]} x {size[1]}, got {width} x {height}")
-    rgb = np.where((rgb < 0) & (rgb >= -RINGING * np.nanmax(rgb, initial=0)), np.float32(0), rgb)
-    bad = ~(rgb >= 0) | ~np.isfinite(rgb)  # NaN compares false
-    if bad.any():
-        light, row, column, channel = np.argwhere(bad)[0]
-        part = chosen[light].name or "image"
-        raise InputError(
-            f"{path}: part {part}, channel {'RGB'[channel]}: expected finite values >= 0, "
-            f"got {rgb[light, row, column, channel]} at column {column}, row {row}"
-        )
-    one = np.ones((height, width), np.float32)
+    rgb = _stacked([[part.channels[channel] for channel in "RGB"] for part in chosen])
+    if not _is_light(rgb):
+        rgb = np.asarray(rgb, np.float32)
+        rgb = np.where((rgb < 0) & (rgb >= -RINGING * np.nanmax(rgb, initial=0)), np.float32(0), rgb)
+        bad = ~(rgb >= 0) | ~np.isfinite(rgb)  # NaN compares false
+        if bad.any():
+            light, row, column, channel = np.argwhere(bad)[0]
+            part = chosen[light].name or "image"
+            raise InputError(
+                f"{path}: part {part}, channel {'RGB'[channel]}: expected finite values >= 0, "
+                f"got {rgb[light, row, column, channel]} at column {column}, row {row}"
+            )
+    one = np.ones((height, width), np.float16)
     return IrradianceMap(
         tile,
         tuple(name.removeprefix(LIGHT) for name in lights) or ("total",),
         rgb,
-        np.stack([np.asarray(part.channels.get("visibility", one), np.float32) for part in chosen]),
+        _stacked([[part.channels.get("visibility", one)] for part in chosen])[..., 0],
         np.asarray(total.channels.get("A", one), np.float32),
         {
             name.removeprefix(LIGHT): _plan(path, parts[name])
@@ -143,6 +146,22 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
             if "skinbake:plan" in parts[name].attributes
         },
     )
+
+
+def _stacked(images: Sequence[Sequence[NDArray[Any]]]) -> NDArray[np.floating]:
+    """Channels (h, w) of each of L images as (L, h, w, C): halves where all of them are, else float32."""
+    kind = np.float16 if all(channel.dtype == np.float16 for image in images for channel in image) else np.float32
+    found = np.empty((len(images), *images[0][0].shape, len(images[0])), kind)
+    for i, image in enumerate(images):
+        for c, channel in enumerate(image):
+            found[i, ..., c] = channel
+    return found
+
+
+def _is_light(rgb: NDArray[np.floating]) -> bool:
+    """Whether all values are finite and have no sign: by their bits, which are in the order of the values."""
+    bits = np.uint16 if rgb.dtype == np.float16 else np.uint32
+    return bool(rgb.view(bits).max(initial=0) <= np.asarray(np.finfo(rgb.dtype).max).view(bits))
 
 
 def _plan(path: Path, part: Part) -> tuple[Decision, ...]:

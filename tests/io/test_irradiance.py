@@ -31,6 +31,26 @@ def test_a_texel_a_hair_below_zero_is_clamped(tmp_path):
         read_irradiance(save(plain, light, oiio.FLOAT), 1001)
 
 
+def test_halves_stay_halves_and_are_judged_alike(tmp_path):
+    """As a bake stores them: nothing is rounded, and half of the memory does."""
+    light = LIGHT.astype(np.float16)
+    light[0, 0] = -0.0
+    planes = {c: light[..., i] for i, c in enumerate("RGB")}
+    parts = [Part("irradiance", planes), Part("light.key", planes | {"visibility": light[..., 0]})]
+    write_parts(tmp_path / "ours.exr", parts)
+    found = read_irradiance(tmp_path / "ours.exr", 1001)
+    np.testing.assert_array_equal(found.rgb[0], light)
+    light[0, 0] = 0
+    write_parts(tmp_path / "ours.exr", parts)
+    found = read_irradiance(tmp_path / "ours.exr", 1001)
+    assert found.rgb.dtype == found.visibility.dtype == np.float16
+    np.testing.assert_array_equal(found.rgb[0], light)
+    light[3, 2, 0] = -1
+    write_parts(tmp_path / "ours.exr", parts)
+    with pytest.raises(InputError, match=r"part light\.key, channel R: expected finite .*, got .* at column 2, row 3"):
+        read_irradiance(tmp_path / "ours.exr", 1001)
+
+
 def test_a_cropped_file_is_refused_as_a_map_is(tmp_path):
     """Its data window is not its display window: nobody says what lies between."""
     spec = oiio.ImageSpec(6, 4, 3, oiio.FLOAT)
