@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skinbake.errors import InputError
 from skinbake.io.radiance_header import read_radiance_header
+from skinbake.io.said_colours import said_colours
 
 LARGEST_SIDE = 32768  # texels, as of texture.size
 XYZ = {"X": "R", "Y": "G", "Z": "B"}  # of vectors: an image of Y alone is grey
@@ -139,6 +140,7 @@ def read_stored(
                 found = (found / np.array(said.applied)).astype(np.float32)
             if said.chromaticities:
                 attributes |= {"chromaticities": said.chromaticities}
+        attributes |= said_colours(path, kind, attributes)
     pixels = found if chosen == tuple(range(low, high)) else np.ascontiguousarray(found[..., [i - low for i in chosen]])
     alpha = None
     if len(wanted) > len(chosen):

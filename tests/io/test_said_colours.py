@@ -1,0 +1,77 @@
+"""Colours that pictures name without an ICC profile."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from skinbake.errors import InputError
+from skinbake.io.colour import decode, srgb_to_linear
+from skinbake.io.image_file import read_stored
+
+RGB = (200, 100, 50)
+SRGB = (0.3127, 0.3290, 0.64, 0.33, 0.30, 0.60, 0.15, 0.06)  # as a PNG has them, white first
+P3 = (0.3127, 0.3290, 0.68, 0.32, 0.265, 0.69, 0.15, 0.06)
+# Linear P3 to Rec.709, from its published primaries (SMPTE RP 431-2, EG 432-1)
+P3_TO_REC709 = [[1.2249, -0.2249, 0.0], [-0.0420, 1.0420, 0.0], [-0.0197, -0.0786, 1.0983]]
+ADOBE_TO_REC709 = [[1.3983, -0.3983, 0.0], [0.0, 1.0, 0.0], [0.0, -0.0429, 1.0429]]  # Adobe RGB (1998), 4.3.5
+
+
+def chunk(name, data):
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def read(folder, *chunks, color_space="auto", is_data=False):
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 2, 2, 8, 2, 0, 0, 0))
+    pixels = chunk(b"IDAT", zlib.compress((b"\0" + bytes(RGB) * 2) * 2))
+    path = folder / "map.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + header + b"".join(chunks) + pixels + chunk(b"IEND", b""))
+    stored = read_stored(path)
+    return decode(path, stored.pixels, stored.attributes, color_space, is_data)[0][0, 0]
+
+
+def primaries(*xy):
+    return chunk(b"cHRM", struct.pack(">8I", *(round(1e5 * value) for value in xy)))
+
+
+def test_the_primaries_of_a_png_count(tmp_path):
+    """P3 by cHRM alone was taken for Rec.709: saturated colours came out dull. Its curve is gAMA's where it has one."""
+    encoded = np.array(RGB) / 255
+    moved = np.array(P3_TO_REC709) @ srgb_to_linear(encoded)
+    np.testing.assert_allclose(read(tmp_path, primaries(*P3)), moved, atol=2e-4)
+    power = np.array(P3_TO_REC709) @ encoded**2.2
+    np.testing.assert_allclose(
+        read(tmp_path, chunk(b"gAMA", struct.pack(">I", 45455)), primaries(*P3)), power, atol=2e-4
+    )
+
+
+def test_srgb_by_name_goes_before_primaries(tmp_path):
+    plain = read(tmp_path)
+    for chunks in ((primaries(*SRGB),), (chunk(b"sRGB", b"\0"), primaries(*P3))):
+        np.testing.assert_array_equal(read(tmp_path, *chunks), plain)
+    np.testing.assert_array_equal(read(tmp_path, primaries(*P3), color_space="srgb"), plain)
+    np.testing.assert_allclose(read(tmp_path, primaries(*P3), is_data=True), np.array(RGB) / 255, rtol=1e-6)
+
+
+def test_primaries_that_span_nothing_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"map\.png: expected chromaticities that span colours"):
+        read(tmp_path, primaries(*[0.3] * 8))
+
+
+@pytest.mark.parametrize("kind", ["jpg", "webp"])
+@pytest.mark.parametrize("said", ["R03", "R98"])
+def test_a_photograph_in_adobe_rgb_is_told_by_its_exif(tmp_path, kind, said):
+    """As cameras write it, without a profile; others that are no sRGB say nothing more."""
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0xA001: 65535, 0xA005: {1: said}})
+    path = tmp_path / f"photo.{kind}"
+    Image.new("RGB", (16, 16), RGB).save(path, exif=exif, quality=100)
+    stored = read_stored(path)
+    encoded = stored.pixels[4, 4] / 255
+    found = decode(path, stored.pixels, stored.attributes, "auto", False)[0][4, 4]
+    expected = np.array(ADOBE_TO_REC709) @ encoded**2.2 if said == "R03" else srgb_to_linear(encoded)
+    np.testing.assert_allclose(found, expected, atol=3e-4)
