@@ -96,7 +96,11 @@ def _with_materials(
     with TemporaryDirectory() as folder:
         for number in tiles:
             used = sorted({mesh.part_material[k] for k in np.unique(part[tile == number]).tolist()})
-            materials = read_materials(file, used, spec.mesh.uv_set)
+            textures = ["base" if role == "albedo" else role for role in taken]
+            materials = read_materials(file, used, spec.mesh.uv_set, textures)
+            if number != FIRST_TILE:
+                for material in materials:
+                    material.refuse_outside(path, "maps: file")
             for role in taken:
                 material = _one_of(path, role, materials)
                 image, called = _image_of(spec, mesh, file, role, material, Path(folder), partial(charts, number))

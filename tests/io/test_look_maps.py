@@ -149,12 +149,15 @@ def test_a_map_of_the_look_goes_before_the_material_s(tmp_path):
     assert scene(tmp_path, text=longer).maps.albedo[1001].max() == 0
 
 
-def two_materials(folder, same, tiles=False):
+def two_materials(folder, same, tiles=False, samplers=()):
     """Two parts side by side, each with its material; of one picture or two."""
     made = Gltf()
     made.tree["nodes"] = [{"mesh": 0}, {"mesh": 1}]
     made.tree["scenes"] = [{"nodes": [0, 1]}]
     images = [made.image(picture([200, 130, 100])), made.image(picture([50, 50, 50]))]
+    if samplers:
+        made.tree["samplers"] = samplers
+        made.tree["textures"] = [texture | {"sampler": 0} for texture in made.tree["textures"]]
     for k, box in enumerate(((0, 0, 0.5, 1), (1, 0, 1.5, 1) if tiles else (0.5, 0, 1, 1))):
         positions, uv, normals, faces = vertices_of(quad(z_mm=30.0 * k, uv_box=box))
         attributes = {
@@ -180,6 +183,23 @@ def test_several_materials(tmp_path):
     albedo = scene(tmp_path, "texture.udim=true").maps.albedo
     np.testing.assert_allclose(albedo[1001][0, 0], srgb_to_linear(RGB), rtol=1e-6)
     np.testing.assert_allclose(albedo[1002][0, 0], srgb_to_linear(np.full(3, 50 / 255)), rtol=1e-6)
+
+
+def test_a_tile_s_picture_must_repeat(tmp_path):
+    """Past [0, 1] a picture that is clamped shows its edge, not what the next tile is baked with."""
+    two_materials(tmp_path, same=False, tiles=True, samplers=[{"wrapS": 33071}])
+    with pytest.raises(InputError, match=r"head\.glb: maps: file: m1: expected textures that repeat .*CLAMP_TO_EDGE"):
+        scene(tmp_path, "texture.udim=true")
+    (tmp_path / "own.1001.png").write_bytes(picture([0, 0, 0]))
+    assert list(scene(tmp_path, "texture.udim=true", f"maps.albedo={tmp_path}/own.<UDIM>.png").maps.albedo) == [1001]
+    assert len(scene(tmp_path, "mesh.skin=part0").maps.albedo) == 1
+
+
+def test_what_the_look_names_is_not_asked_of_the_material(tmp_path):
+    """As the message on a picture that is not supported says: a look that names another one bakes."""
+    head(tmp_path, basis)
+    (tmp_path / "own.png").write_bytes(picture([0, 0, 0]))
+    assert scene(tmp_path, f"maps.albedo={tmp_path}/own.png").maps.albedo[1001].max() == 0
 
 
 def other_uvs(made):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ OTHER_TEXTURES = ("normalTexture", "occlusionTexture", "emissiveTexture")
 SUFFIX = {"image/png": ".png", "image/jpeg": ".jpg", "image/webp": ".webp"}
 # Extensions of a texture whose picture replaces a plain one
 PICTURES = {"KHR_texture_basisu": "KTX2 pictures", "MSFT_texture_dds": "DDS pictures"}
+REPEAT = 10497
+WRAPS = {33071: "CLAMP_TO_EDGE", 33648: "MIRRORED_REPEAT"}
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,8 @@ class GltfMaterial:
     alpha_mode : "OPAQUE", "MASK" or "BLEND"
     alpha, alpha_cutoff : float
         Multiplies the alpha of the base colour; what of it stops light where the mode is MASK.
+    wrap : str
+        How a texture goes on outside [0, 1], where it does not repeat; empty where all do.
     """
 
     name: str
@@ -51,6 +55,21 @@ class GltfMaterial:
     alpha_mode: str = "OPAQUE"
     alpha: float = 1.0
     alpha_cutoff: float = 0.5
+    wrap: str = ""
+
+    def refuse_outside(self, path: Path, key: str) -> None:
+        """Stop where UVs leave [0, 1] and a texture does not repeat there.
+
+        Raises
+        ------
+        InputError
+            By the name of the material, and how its texture goes on.
+        """
+        if self.wrap:
+            raise InputError(
+                f"{path}: {key}: {self.name}: expected textures that repeat (REPEAT) where UVs leave [0, 1], got"
+                f" {self.wrap}; move the UVs into [0, 1], or export it with repeating textures"
+            )
 
 
 def uv_of_material(material: dict[str, Any], uv_set: int | None) -> tuple[int, Float]:
@@ -120,6 +139,7 @@ def _material(file: GltfFile, index: int, uv_set: int | None, textures: Sequence
         )
     physical = entry.get("pbrMetallicRoughness", {})
     chosen = uv_of_material(entry, uv_set)
+    wraps = []
 
     def image(texture: dict[str, Any] | None, of: str, key: str) -> int | None:
         """Index of a texture's image."""
@@ -132,11 +152,12 @@ def _material(file: GltfFile, index: int, uv_set: int | None, textures: Sequence
                 f" mesh by TEXCOORD_{chosen[0]}, or another KHR_texture_transform); set mesh.uv_set, or name the"
                 " pictures in the look"
             )
+        wraps.append(_wrap_of(file, texture["index"]))
         return _image_of(file, texture["index"], f"{name}: {key}")
 
     rgb = physical.get("baseColorFactor")
     normal, roughness = entry.get("normalTexture"), physical.get("roughnessFactor")
-    return GltfMaterial(
+    made = GltfMaterial(
         name,
         image(physical.get("baseColorTexture"), "base", "baseColorTexture"),
         None if rgb is None else (float(rgb[0]), float(rgb[1]), float(rgb[2])),
@@ -148,6 +169,15 @@ def _material(file: GltfFile, index: int, uv_set: int | None, textures: Sequence
         1.0 if rgb is None else float(rgb[3]),
         float(entry.get("alphaCutoff", 0.5)),
     )
+    return replace(made, wrap=next(filter(None, wraps), ""))
+
+
+def _wrap_of(file: GltfFile, texture: Any) -> str:
+    """How a texture goes on outside [0, 1], by name; empty where it repeats."""
+    sampler = file.item("textures", texture).get("sampler")
+    entry = {} if sampler is None else file.item("samplers", sampler)
+    wraps = (entry.get(axis, REPEAT) for axis in ("wrapS", "wrapT"))
+    return next((WRAPS.get(wrap, f"a wrap of {wrap}") for wrap in wraps if wrap != REPEAT), "")
 
 
 def _image_of(file: GltfFile, texture: Any, what: str) -> int:

@@ -20,6 +20,7 @@ from skinbake.scene.casters import Casters
 from skinbake.scene.mesh_files import OF_FILE
 
 Image = NDArray[np.float32]
+PAST_THE_EDGE = 1e-3  # of a texture: UVs are drawn to its edge by hand
 
 
 def with_opacity(
@@ -90,6 +91,9 @@ def _of_materials(path: Path, raw: RawMesh, parts: list[int], uv_set: int | None
         for part in parts:
             (material,) = read_materials(file, [raw.material[part]], uv_set, ("base",))
             if material.alpha_mode != "OPAQUE":
+                uv = raw.corner_uv[raw.part == part]
+                if uv.min() < -PAST_THE_EDGE or uv.max() > 1 + PAST_THE_EDGE:
+                    material.refuse_outside(path, f"{key}: file")
                 found[part] = _of_material(file, material, Path(folder), key)
     return found
 

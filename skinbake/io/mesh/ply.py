@@ -34,7 +34,7 @@ class _Element:
 
 
 def read_ply(path: Path) -> RawMesh:
-    """Read a PLY file.
+    """Read a PLY file; where its faces have textures of their own (texnumber), each texture's are a part.
 
     Raises
     ------
@@ -53,6 +53,7 @@ def read_ply(path: Path) -> RawMesh:
 
     with np.errstate(invalid="ignore"):  # indices written as NaN
         sizes, index, corner_uv = _polygons(path, elements)
+        texture = _textures(elements, len(sizes))
     refuse_missing_vertices(path, index, len(positions))
     triangles = triangulate(positions[index], sizes)
     faces = index[triangles]
@@ -62,14 +63,16 @@ def read_ply(path: Path) -> RawMesh:
         found_uv, has_uv = values[triangles], np.asarray(there[triangles].all(axis=1))
     elif uv is not None:
         found_uv, has_uv = uv[faces], np.ones(len(faces), np.bool_)
+    numbers, part = np.unique(np.repeat(texture, sizes)[triangles[:, 0]], return_inverse=True)
+    names = tuple((f"texture {number}" if number >= 0 else "no texture",) for number in numbers.tolist())
     return RawMesh(
         positions,
         faces.astype(np.int32),
         found_uv,
         has_uv,
         normal[faces] if normal is not None else np.zeros((len(faces), 3, 3)),
-        np.zeros(len(faces), np.int32),
-        ((),),
+        part.ravel().astype(np.int32),
+        names if len(names) > 1 else ((),),
         corner_rgb=rgb[faces] if rgb is not None else None,
     )
 
@@ -123,6 +126,15 @@ def _polygons(
                 np.concatenate([corner_uv[1], np.zeros(cut.size, np.bool_)]),
             )
     return sizes, index, corner_uv
+
+
+def _textures(elements: dict[str, _Element], count: int) -> NDArray[np.int64]:
+    """Number of the texture of each face, and of each triangle of strips after them, which have none."""
+    texture = np.full(count, -1)
+    face = elements.get("face")
+    if face is not None and "texnumber" in face.scalars:
+        texture[: face.count] = face.scalars["texnumber"].astype(np.int64)[:count]
+    return texture
 
 
 def _strip_triangles(lengths: NDArray[np.int64], values: NDArray) -> NDArray[np.int64]:

@@ -80,6 +80,28 @@ def test_alpha_of_materials(tmp_path):
     np.testing.assert_allclose(found.opacity[2], [[0.25]])
 
 
+@pytest.mark.parametrize("wrap", [{"wrapS": 33071}, {"wrapT": 33648}, {"wrapS": 10497, "wrapT": 10497}, {}])
+@pytest.mark.parametrize("times", [1, 2])
+def test_pictures_that_do_not_repeat_are_refused_outside(tmp_path, wrap, times):
+    """A card whose UVs leave [0, 1] was lit as if its picture repeated there; within, all are alike."""
+
+    def hair(made):
+        material = blended(made)
+        made.tree["samplers"] = [wrap]
+        made.tree["textures"][-1]["sampler"] = 0
+        texture = material["pbrMetallicRoughness"]["baseColorTexture"]
+        texture["extensions"] = {"KHR_texture_transform": {"scale": [times, times]}}
+        return material
+
+    character(tmp_path, Hair=hair)
+    name = {33071: "CLAMP_TO_EDGE", 33648: "MIRRORED_REPEAT"}.get(next(iter(wrap.values()), 0))
+    if name and times > 1:
+        with pytest.raises(InputError, match=rf"head\.glb: mesh\.opacity: file: Hair: expected .*REPEAT.* got {name}"):
+            casters(tmp_path, "file")
+    else:
+        assert casters(tmp_path, "file").image.tolist() == [0, 0]
+
+
 def test_glass_needs_no_uvs(tmp_path):
     """An alpha without a picture is the same everywhere."""
     character(

@@ -7,6 +7,7 @@ import pytest
 
 from skinbake.errors import InputError
 from skinbake.io.mesh import read_mesh
+from skinbake.io.mesh.ply import read_ply
 from tests.shapes import sphere
 
 KINDS = {"char": "i1", "uchar": "u1", "int": "i4", "uint": "u4", "float": "f4", "double": "f8"}
@@ -71,6 +72,25 @@ def test_texcoord_lists_on_mixed_faces(tmp_path, form):
     data = ply(form, VERTEX, ("face", [("vertex_indices", FACE), ("texcoord", ("uchar", "float"))], rows),
                comments=["TextureFile gone.png"])  # fmt: skip
     assert_grid(read(tmp_path, data), 4)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_textures_of_their_own_are_parts(tmp_path, form):
+    """texnumber: quads cut into triangles keep the name of their texture; a single one is no part."""
+    faces, strips = [*QUADS, [0, 1, 4]], [([3, 4, 5],)]
+    rows = [(face, number) for face, number in zip(faces, (1, 0, 1), strict=True)]
+    face = [("vertex_indices", FACE), ("texnumber", "int")]
+    strip = ("tristrips", [("vertex_indices", FACE)], strips)
+    (tmp_path / "scan.ply").write_bytes(ply(form, VERTEX, ("face", face, rows), strip))
+    raw = read_ply(tmp_path / "scan.ply")
+    assert raw.labels == ("no texture", "texture 0", "texture 1")
+    named = {frozenset(f): raw.labels[k] for f, k in zip(raw.faces.tolist(), raw.part, strict=True)}
+    assert named == {
+        frozenset(corners): f"texture {k}" if k is not None else "no texture"
+        for corners, k in (((0, 1, 4), 1), ((0, 4, 3), 1), ((1, 2, 5), 0), ((1, 5, 4), 0), ((3, 4, 5), None))
+    }
+    (tmp_path / "one.ply").write_bytes(ply(form, VERTEX, ("face", face, [(QUADS[0], 0)])))
+    assert read_ply(tmp_path / "one.ply").names == ((),)
 
 
 @pytest.mark.parametrize("form", FORMATS)
