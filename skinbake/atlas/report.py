@@ -96,16 +96,16 @@ class UvReport:
         """Faults that would spoil a bake, each with its remedy; empty for a mesh that can be baked."""
         found = []
         if self.inside_out:
-            found.append("the triangles face inwards: flip the mesh's faces and normals")
+            found.append("the triangles face inwards: make them and their normals face outwards")
         if self.turned_share > SPOILT_SHARE:
             found.append(
                 f"{self.turned} triangles ({self.turned_share:.1%} of the skin) turn the other way round than their"
-                " neighbours, so that light comes from inside there: make the mesh's faces face outwards everywhere"
+                " neighbours, so that they are lit or seen from inside: make the mesh's faces face outwards everywhere"
             )
         elif self.against_share > SPOILT_SHARE and not self.inside_out:
             found.append(
-                f"the normals of {self.against} triangles ({self.against_share:.1%} of the skin) point into it:"
-                " recalculate the mesh's normals, or leave them out of the file"
+                f"{self.against} triangles ({self.against_share:.1%} of the skin) and their normals face opposite ways,"
+                " so that they are lit or seen from inside: make both face outwards"
             )
         if self.doubled_share > SPOILT_SHARE:
             found.append(

@@ -114,7 +114,7 @@ def _as_the_file_says(path: Path, pixels: NDArray[Any], attributes: Mapping[str,
         found = _profile(path, bytes(np.asarray(profile, np.uint8)), attributes)
         return (_decoded(pixels, srgb=True), False) if found.is_srgb else _through_profile(pixels, found)
     is_float = not np.issubdtype(pixels.dtype, np.integer)
-    space = str(attributes.get("oiio:ColorSpace", "")).strip()
+    space, said_by = str(attributes.get("oiio:ColorSpace", "")).strip(), "its header's oiio:ColorSpace"
     primaries = attributes.get("chromaticities")
     if primaries is not None and pixels.shape[2] == 3:
         if np.shape(primaries) != (8,) or np.asarray(primaries).dtype.kind != "f":
@@ -122,16 +122,14 @@ def _as_the_file_says(path: Path, pixels: NDArray[Any], attributes: Mapping[str,
                 f"{path}: its header's chromaticities are damaged: expected 8 floats; write the file again"
             )
         primaries = [float(x) for x in primaries]
-        linear = _linear(pixels)
-        if not is_float:
-            linear, _ = _named(path, pixels, space or "srgb", "its header's oiio:ColorSpace")
+        linear = _linear(pixels) if is_float else _named(path, pixels, space or "srgb", said_by)[0]
         if not np.allclose(primaries, REC709, atol=SAME_PRIMARIES):
             return _through_primaries(path, linear, primaries)
         return linear, False
     if is_float and space.lower() in ("", *SRGB):
         # maketx --colorconvert leaves the tag of the file it read on the linear floats that it wrote
         return _linear(pixels), False
-    return _named(path, pixels, space or "srgb", "its header's oiio:ColorSpace")
+    return _named(path, pixels, space or "srgb", said_by)
 
 
 def _profile(path: Path, data: bytes, attributes: Mapping[str, Any]) -> IccProfile:

@@ -12,7 +12,8 @@ from skinbake.io.mesh.polygons import triangulate
 from skinbake.io.mesh.raw_mesh import RawMesh, bare_mesh, refuse_missing_vertices
 
 Line = tuple[int, list[bytes]]  # its number and its words
-_KEYWORD = re.compile(rb"(ST)?C?N?OFF")  # what else there is means vertices of other than three coordinates
+# What else there is means vertices of other than three coordinates. Files of ModelNet have the first count glued to it
+_KEYWORD = re.compile(rb"(?:ST)?C?N?OFF(\d*)")
 
 
 def read_off(path: Path) -> RawMesh:
@@ -25,10 +26,12 @@ def read_off(path: Path) -> RawMesh:
     """
     lines = [(number, line.split(b"#")[0].split()) for number, line in enumerate(path.read_bytes().splitlines(), 1)]
     lines = [(number, words) for number, words in lines if words]
-    if not lines or not _KEYWORD.fullmatch(lines[0][1][0]) or lines[0][1][1:] == [b"BINARY"]:
+    keyword = _KEYWORD.fullmatch(lines[0][1][0]) if lines else None
+    if not keyword or lines[0][1][1:] == [b"BINARY"]:
         got = b" ".join(lines[0][1])[:40].decode("latin-1") if lines else "an empty file"
         raise InputError(f"{path}: expected a text that begins with OFF (or COFF, NOFF, STOFF), got {got}")
-    lines[:1] = [(number, words[1:]) for number, words in lines[:1] if words[1:]]  # counts may stand beside it
+    beside = [*filter(None, keyword.groups()), *lines[0][1][1:]]  # counts may stand there
+    lines[:1] = [(lines[0][0], beside)] if beside else []
     vertices, polygons = _numbers(path, lines[0], 0, 2, int) if lines else (0, 0)
     if not 0 <= vertices + polygons < len(lines) or min(vertices, polygons) < 0:
         raise InputError(

@@ -13,7 +13,7 @@ from skinbake.io.mesh.raw_mesh import RawMesh, bare_mesh
 _HEADER = 84  # bytes, the last four of which count the facets
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _CORNER = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
-_BEGIN = re.compile(rb"\bfacet\s+normal\b", re.IGNORECASE)
+_BEGIN, _END = re.compile(rb"\bfacet\s+normal\b", re.IGNORECASE), re.compile(rb"\bendfacet\b", re.IGNORECASE)
 
 
 def read_stl(path: Path) -> RawMesh:
@@ -39,9 +39,11 @@ def read_stl(path: Path) -> RawMesh:
 
 def _text(path: Path, data: bytes) -> np.ndarray:
     """Corners of all facets, (3 F, 3)."""
-    facets, found = len(_BEGIN.findall(data)), _CORNER.findall(data)
-    if len(found) != 3 * facets:
-        raise InputError(f"{path}: expected {facets} facets of three vertices, got {len(found)} vertices; cut off?")
+    facets, ends, found = len(_BEGIN.findall(data)), len(_END.findall(data)), _CORNER.findall(data)
+    if len(found) != 3 * facets or ends != facets:
+        raise InputError(
+            f"{path}: expected {facets} facets of three vertices, got {len(found)} vertices and {ends} ends; cut off?"
+        )
     try:
         return np.array(found, dtype=np.bytes_).astype(np.float64).reshape(-1, 3)
     except ValueError as error:

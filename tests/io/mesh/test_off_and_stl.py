@@ -32,6 +32,7 @@ def off(folder, faces, head="OFF\n5 {count} 0", more=""):
     [
         ("OFF\n5 {count} 0", ""),
         ("# by hand\nOFF 5 {count} 0 # 0 edges", " # a corner"),
+        ("OFF5 {count} 0", ""),
         ("COFF\n5 {count} 0", " 255 0 0 255"),
         ("STCNOFF\n5 {count} 0", " 0 0 1 .5 .5 .5 1 0 1"),
     ],
@@ -98,7 +99,8 @@ def test_text_and_binary_stl_are_the_same(tmp_path):
             binary(sphere(100.0, "latlong", 6))[:-20],
             r"expected 0 facets of three vertices|expected triangles, got none",
         ),
-        (("solid a\n" + FACET + FACET[:60]).encode(), "expected 2 facets of three vertices, got 5 vertices; cut off"),
+        (("solid a\n" + FACET + FACET[:60]).encode(), "expected 2 facets of three vertices, got 5 vertices and"),
+        (("solid a\n" + FACET + FACET[:-18]).encode(), "got 6 vertices and 1 ends; cut off"),
         (("solid a\n" + FACET.replace("1 0 0", "1 x 0")).encode(), "expected numbers after vertex"),
         (("solid a\n" + FACET.replace("1 0 0", "1 nan 0")).encode(), "expected finite vertices"),
         (b"solid\n", "expected triangles, got none"),
