@@ -12,6 +12,7 @@ from skinbake.atlas.connected import connected
 from skinbake.atlas.metric import first_fundamental_form
 from skinbake.atlas.raster import NO_FACE, Atlas
 from skinbake.atlas.rasterize import signed_uv_area
+from skinbake.atlas.shells import HOLLOW, ball_volume, shells_inside_out
 from skinbake.atlas.texel_coordinates import corner_texels, local_uv
 from skinbake.errors import InputError
 from skinbake.kernels.compile import kernel
@@ -20,7 +21,6 @@ from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
 SPOILT_SHARE = 0.01  # of the skin's area, without a texel of its own, above which a bake is not worth starting
-HOLLOW = 0.02  # of the volume of a ball of the mesh's area: a flatter mesh has no inside
 MOST_PAIRS = 4  # of parts that a message names
 GOOD, OVERLAP, FLIPPED, OUTSIDE = 0, 1, 2, 3
 
@@ -37,7 +37,8 @@ class UvReport:
     inside_out : bool
         The triangles turn inwards: closed by a lid over its widest opening, the mesh holds a negative volume.
     turned : int
-        Triangles that turn the other way round than their neighbours, of both the smaller patch.
+        Triangles that turn the other way round than their neighbours, of both the smaller patch, and those of closed
+        shells that face inwards.
     turned_share : float
     against : int
         Triangles whose corners' normals point to their back.
@@ -100,7 +101,8 @@ class UvReport:
         if self.turned_share > SPOILT_SHARE:
             found.append(
                 f"{self.turned} triangles ({self.turned_share:.1%} of the skin) turn the other way round than their"
-                " neighbours, so that they are lit or seen from inside: make the mesh's faces face outwards everywhere"
+                " neighbours, or are a shell that faces inwards, so that they are lit or seen from inside:"
+                " make the mesh's faces face outwards everywhere"
             )
         elif self.against_share > SPOILT_SHARE and not self.inside_out:
             found.append(
@@ -173,6 +175,8 @@ def uv_report(mesh: SkinMesh, atlas: Atlas) -> UvReport:
     stretch = np.sqrt(safe_div((e + h) / 2 + spread, np.maximum((e + h) / 2 - spread, 1e-12 * (e + h))))
     open_edges, inside_out = _closure(mesh)
     doubled, turned = _doubled(mesh), _turned(mesh)
+    if not inside_out:
+        turned |= shells_inside_out(mesh)
     against = np.einsum("fki,fi->f", mesh.corner_normal, mesh.face_normal) < 0
     return UvReport(
         extent_mm=tuple(float(x) for x in np.ptp(mesh.positions_mm, axis=0)),  # type: ignore[arg-type]
@@ -298,8 +302,7 @@ def _closure(mesh: SkinMesh) -> tuple[int, bool]:
         apex = np.average(middle[widest], axis=0, weights=np.maximum(length[widest], 1e-300))
     p = mesh.corner_position_mm - apex
     volume = np.einsum("ij,ij->", np.cross(p[:, 0], p[:, 1]), p[:, 2]) / 6
-    ball = float(mesh.face_area_mm2.sum()) ** 1.5 / (6 * np.sqrt(np.pi))
-    return len(rim), bool(volume < -HOLLOW * ball)
+    return len(rim), bool(volume < -HOLLOW * ball_volume(float(mesh.face_area_mm2.sum())))
 
 
 def refuse_spoilt(report: UvReport, path: str) -> None:

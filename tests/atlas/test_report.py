@@ -146,6 +146,22 @@ def test_patches_that_turn_the_other_way_round_are_refused():
     assert reported(replace(ball, faces=ball.faces[:, ::-1], corner_uv=ball.corner_uv[:, ::-1]))[0].turned == 0
 
 
+@pytest.mark.parametrize(("radius", "away", "inwards", "refused"), [
+    (90, 150, True, True), (90, 80, True, True), (90, 0, True, False), (90, 150, False, False), (90, 0, False, False),
+])  # fmt: skip
+def test_shells_that_face_inwards_are_refused(radius, away, inwards, refused):
+    """A ball beside another, sharing no edge, normals turned with it: it was baked dark. Within, it is a cavity."""
+    ball, small = sphere(radius, "cube"), sphere(radius / 3, "cube")
+    faces, uv, normal = small.faces, small.corner_uv / 2, small.corner_normal
+    if inwards:
+        faces, uv, normal = faces[:, ::-1], uv[:, ::-1], -normal[:, ::-1]
+    small = SkinMesh(small.positions_mm + np.array([away, 0, 0]), np.ascontiguousarray(faces), uv, normal)
+    report, _ = reported(joined(replace(ball, corner_uv=ball.corner_uv / 2 + 0.5), small))
+    assert not report.inside_out
+    assert report.turned == (len(small.faces) if refused else 0)
+    assert bool(report.faults) == refused
+
+
 def test_two_sheets_on_one_edge_do_not_count_as_turned():
     """Only where just two triangles meet does it say something; doubled ones are told otherwise."""
     both = joined(quad(100, 100), quad(100, 100))
