@@ -161,7 +161,8 @@ def _through_profile(pixels: NDArray[Any], profile: IccProfile) -> tuple[Image, 
 
 def _through_primaries(path: Path, linear: Image, primaries: Sequence[float]) -> tuple[Image, bool]:
     try:
-        matrix = primaries_matrix(primaries)
+        with np.errstate(all="ignore"):  # a white without luminance is refused below
+            matrix = primaries_matrix(primaries)
     except np.linalg.LinAlgError:
         matrix = np.full((3, 3), np.nan)
     if not np.isfinite(matrix).all():

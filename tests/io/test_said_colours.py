@@ -57,9 +57,10 @@ def test_srgb_by_name_goes_before_primaries(tmp_path):
     np.testing.assert_allclose(read(tmp_path, primaries(*P3), is_data=True), np.array(RGB) / 255, rtol=1e-6)
 
 
-def test_primaries_that_span_nothing_are_refused(tmp_path):
+@pytest.mark.parametrize("value", [0.3, 0])
+def test_primaries_that_span_nothing_are_refused(tmp_path, value):
     with pytest.raises(InputError, match=r"map\.png: expected chromaticities that span colours"):
-        read(tmp_path, primaries(*[0.3] * 8))
+        read(tmp_path, primaries(*[value] * 8))
 
 
 @pytest.mark.parametrize("kind", ["jpg", "webp"])
