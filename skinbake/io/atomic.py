@@ -66,7 +66,7 @@ def explained(path: Path) -> Iterator[None]:
     Raises
     ------
     MachineError
-        Disk full.
+        Disk full, file too large, or what a library says.
     InputError
         The folder cannot be written to, or a file is in its place.
     """
@@ -77,12 +77,19 @@ def explained(path: Path) -> Iterator[None]:
             raise MachineError(
                 f"{path}: the disk is full; free some space and run again, finished stages are kept"
             ) from error
+        if error.errno == errno.EFBIG:
+            raise MachineError(
+                f"{path}: the file is larger than the disk's format or `ulimit -f` allows; choose another --out,"
+                " or a smaller texture.size"
+            ) from error
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
             raise InputError(
                 f"{path}: expected a folder that can be written to ({error.strerror}); choose another --out"
             ) from error
         if error.errno in (errno.ENOTDIR, errno.EEXIST, errno.EISDIR):
             raise InputError(f"{path}: expected a folder, got a file in the way ({error.strerror})") from error
+        if error.filename is None:  # a library's word
+            raise MachineError(f"{path}: cannot be written ({error.strerror or error})") from error
         raise
 
 
@@ -101,7 +108,10 @@ def system_error(temporary: Path, said: str) -> OSError:
             pass
     except OSError as error:
         return error
-    full = os.strerror(errno.ENOSPC) in said or shutil.disk_usage(temporary.parent).free < 1 << 16
+    for code in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        if os.strerror(code) in said:
+            return OSError(code, said)
+    full = shutil.disk_usage(temporary.parent).free < 1 << 16
     return OSError(errno.ENOSPC if full else errno.EIO, said or os.strerror(errno.EIO))
 
 

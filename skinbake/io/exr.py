@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
-from skinbake.io.atomic import atomic_write, system_error
+from skinbake.io.atomic import atomic_write, explained, system_error
 from skinbake.kernels.threads import thread_count
 from skinbake.stored_precision import half_keeps
 
@@ -111,10 +111,11 @@ def pack_parts(
         made.append(OpenEXR.Part(header, _stored(named, part, precision), part.name))
     threads = thread_count()
     OpenEXR.set_global_thread_count(threads if threads > 1 else 0)  # one would only be waited for
-    try:
-        OpenEXR.File(made).write(str(file))
-    except RuntimeError as error:
-        raise system_error(file, str(error)) from error
+    with explained(Path(named)):
+        try:
+            OpenEXR.File(made).write(str(file))
+        except RuntimeError as error:
+            raise system_error(file, str(error)) from error
 
 
 def require_codec(compression: str) -> None:

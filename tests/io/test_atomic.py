@@ -1,10 +1,12 @@
 import errno
 import os
+import subprocess
+import sys
 
 import pytest
 
 from skinbake.errors import InputError, MachineError
-from skinbake.io.atomic import atomic_write, temporary_files, write_text
+from skinbake.io.atomic import atomic_write, system_error, temporary_files, write_text
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -33,6 +35,8 @@ def test_folders_are_made(tmp_path):
     ("number", "kind", "says"),
     [
         (errno.ENOSPC, MachineError, "disk is full"),
+        (errno.EFBIG, MachineError, "file is larger than"),
+        (errno.EIO, MachineError, "a.txt: cannot be written"),
         (errno.EACCES, InputError, "can be written to"),
         (errno.EROFS, InputError, "can be written to"),
         (errno.ENOTDIR, InputError, "file in the way"),
@@ -42,6 +46,33 @@ def test_the_systems_errors_say_what_to_do(tmp_path, number, kind, says):
     """Exit code 3 where the machine failed, 2 where the choice of folder did."""
     with pytest.raises(kind, match=says), atomic_write(tmp_path / "a.txt"):
         raise OSError(number, os.strerror(number))
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
+def test_a_library_s_words_are_understood(tmp_path, number):
+    """It gives the system's text, and no number."""
+    found = system_error(tmp_path / "a.exr", f"Failed to write pixel data. {os.strerror(number)}.")
+    assert found.errno == number
+
+
+@pytest.mark.parametrize("name", ["a.exr", "a.png"])
+def test_files_that_may_not_grow_are_told_by_name(tmp_path, name):
+    """Really done, in a process of its own: also where lobes are packed beside any file of ours."""
+    script = f"""
+import resource, numpy as np
+from pathlib import Path
+from skinbake.io.exr import Part, pack_parts, rgb_channels
+from skinbake.io.png import write_png
+pixels = np.random.default_rng(0).integers(0, 255, (256, 256, 3)).astype(np.uint8)
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+path = Path({str(tmp_path / name)!r})
+if path.suffix == ".png":
+    write_png(path, pixels)
+else:
+    pack_parts(path, [Part("", rgb_channels(pixels.astype(np.float32)))], None)
+"""
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert f"MachineError: {tmp_path / name}: " in found.stderr
 
 
 def test_a_file_where_a_folder_should_be_is_told(tmp_path):
