@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas.connected import connected
+from skinbake.kernels.compile import kernel
 from skinbake.numerics import Float
 from skinbake.scene.mesh import SkinMesh
 
@@ -42,17 +43,31 @@ def shells_inside_out(mesh: SkinMesh) -> NDArray[np.bool_]:
         if (uses == 1).any():
             continue
         places = corner[of_shell][:: max(of_shell.sum() // PLACES, 1), 0]
-        about = [_winding(corner[~of_shell] - place) for place in places]
+        about = [_winding(corner, of_shell, place) for place in places]
         found |= of_shell & (np.quantile(about, 0.25) < 0.5)  # a quarter of it is seen from outside
     return found
 
 
-def _winding(p: Float) -> float:
-    """How often triangles (F, 3, 3) go about the origin: 1 inside a closed mesh, 0 outside [VanOosterom1983]."""
-    length = np.linalg.norm(p, axis=2)
-    a, b, c = p[:, 0], p[:, 1], p[:, 2]
-    solid = np.einsum("ij,ij->i", a, np.cross(b, c))
-    beside = length.prod(axis=1)
-    for (one, other), left in (((a, b), 2), ((b, c), 0), ((c, a), 1)):
-        beside += np.einsum("ij,ij->i", one, other) * length[:, left]
-    return float(np.arctan2(solid, beside).sum() / (2 * np.pi))
+@kernel
+def _winding(corner: Float, of_shell: NDArray[np.bool_], place: Float) -> float:
+    """How often triangles go about a place: 1 inside a closed mesh, 0 outside [VanOosterom1983].
+
+    Parameters
+    ----------
+    corner : ndarray of shape (F, 3, 3)
+    of_shell : ndarray of shape (F,)
+        Triangles that are left out.
+    place : ndarray of shape (3,)
+    """
+    angle = 0.0
+    for f in range(len(corner)):
+        if of_shell[f]:
+            continue
+        ax, ay, az = corner[f, 0, 0] - place[0], corner[f, 0, 1] - place[1], corner[f, 0, 2] - place[2]
+        bx, by, bz = corner[f, 1, 0] - place[0], corner[f, 1, 1] - place[1], corner[f, 1, 2] - place[2]
+        cx, cy, cz = corner[f, 2, 0] - place[0], corner[f, 2, 1] - place[1], corner[f, 2, 2] - place[2]
+        a, b, c = np.sqrt(ax**2 + ay**2 + az**2), np.sqrt(bx**2 + by**2 + bz**2), np.sqrt(cx**2 + cy**2 + cz**2)
+        solid = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+        ab, bc, ca = ax * bx + ay * by + az * bz, bx * cx + by * cy + bz * cz, cx * ax + cy * ay + cz * az
+        angle += np.arctan2(solid, a * b * c + ab * c + bc * a + ca * b)
+    return angle / (2 * np.pi)
