@@ -27,6 +27,7 @@ from skinbake.io.cache import Cache
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.fingerprint import input_hashes
+from skinbake.io.lock import folder_lock
 from skinbake.io.manifest import NAME as MANIFEST
 from skinbake.io.manifest import read_manifest, transport_digest, write_manifest
 from skinbake.io.scene_files import read_scene
@@ -132,6 +133,8 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         share = transmitted_share(np.linspace(0, 1, SHARE_NODES), oil.roughness, oil.f0, oil.strength, oil_table(oil))
 
     folder = Path(look.output.dir)
+    with folder_lock(folder, progress.line):
+        pass  # whoever cannot write there is told before the walks, not after them
     walked_through = look.skin.model_dump(exclude={"fit"})  # walks know nothing of the Gaussians
     key = key_of(
         code_digest("skinbake.transport.light_leaving", "skinbake.transport.points", "skinbake.baking.truth_maps"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,6 +61,7 @@ def command(
     from skinbake.errors import printable
     from skinbake.io.config import load_look
     from skinbake.io.fingerprint import every_input
+    from skinbake.io.lock import folder_lock
     from skinbake.io.output_names import refuse_inputs
     from skinbake.io.tradeoff import RUNS, advice
     from skinbake.tradeoff import plan_sweep
@@ -71,10 +73,14 @@ def command(
     extent = extent or "default"
     runs = repeats or {"quick": 1, "default": 2, "full": 5}[extent]
     sweep = plan_sweep(spec, _sweep_size(spec, size, extent), extent)
-    work = Measurements(config, overrides, sweep, folder, points, picture, verbosity, clock)
-    stopped = work.measure(runs)
-    rows = work.rows()
-    work.write(rows, final=True)
+    with folder_lock(folder, lambda line: click.echo(printable(line), err=True)):  # which tells what is wrong with it
+        work = Measurements(config, overrides, sweep, folder, points, picture, verbosity, clock)
+        stopped = work.measure(runs)
+        rows = work.rows()
+        work.write(rows, final=True)
+    if not rows:
+        with suppress(OSError):
+            folder.rmdir()  # where it was made for the lock alone
     if as_json:
         click.echo(json.dumps([asdict(row) for row in rows], indent=1, default=list))
     elif verbosity and rows:

@@ -195,6 +195,15 @@ def test_measures_continues_and_advises(look, tmp_path, monkeypatch, capsys):
     assert not (tmp_path / "none").exists()
 
 
+def test_a_folder_that_cannot_be_written_to_is_told_before_anything_is_measured(look, tmp_path, monkeypatch, capsys):
+    """Seconds, not hours; and while another one writes there it is waited for."""
+    monkeypatch.setattr(Measurements, "measure", lambda *_: pytest.fail("measured"))
+    (tmp_path / "t").mkdir()
+    (tmp_path / "t" / ".lock").symlink_to("elsewhere")
+    assert run(["tradeoff", str(tmp_path / "look.yaml"), "--quick", "--out", str(tmp_path / "t")]) == 2
+    assert "expected a lock file, got a symbolic link" in capsys.readouterr().err
+
+
 def test_one_task_a_process():
     """Two calls are two processes."""
     assert in_child(os.getpid) != in_child(os.getpid)

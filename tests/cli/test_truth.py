@@ -150,6 +150,15 @@ def test_a_skin_whose_width_varies_is_walked_and_baked(look, capsys):
         np.testing.assert_allclose(np.add(sample["M_bake"], other["M_bake"]), want, rtol=0.01, atol=0.01)
 
 
+def test_a_folder_that_cannot_be_written_to_is_told_before_the_walks(look, monkeypatch, capsys):
+    """An open mesh makes no folder at all (below)."""
+    monkeypatch.setattr("skinbake.baking.truth.light_leaving", lambda *_: pytest.fail("walked"))
+    (look.parent / "out").mkdir()
+    (look.parent / "out" / ".lock").symlink_to("elsewhere")
+    assert run(["truth", str(look), "--quiet"]) == 2
+    assert "expected a lock file, got a symbolic link" in capsys.readouterr().err
+
+
 def test_an_open_mesh_is_refused_with_its_name(look, capsys):
     """Where the light would leave is told."""
     write_obj(look.parent / "ball.obj", quad(columns=4, rows=4))
