@@ -88,7 +88,7 @@ def explained(path: Path) -> Iterator[None]:
             ) from error
         if error.errno in (errno.ENOTDIR, errno.EEXIST, errno.EISDIR):
             raise InputError(f"{path}: expected a folder, got a file in the way ({error.strerror})") from error
-        if error.filename is None:  # a library's word
+        if error.errno == errno.EIO:  # a failing disk, or a library's word
             raise MachineError(f"{path}: cannot be written ({error.strerror or error})") from error
         raise
 
