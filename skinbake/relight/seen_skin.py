@@ -51,7 +51,10 @@ def seen_skin(sky: OpenSky, scene: SceneData, size: tuple[int, int], udim: bool)
         in_first_half.append(hit[:, : RAYS // 2].sum(axis=1))
         before += len(share)
     texels = np.concatenate(tile), np.concatenate(flat), np.full(before, RAYS)
-    return numbered(sky.atlas, *texels, np.concatenate(met_skin), np.concatenate(in_first_half), parts, None, size)
+    counts = np.concatenate(met_skin), np.concatenate(in_first_half)
+    point, normal = (np.concatenate([of[raster.tile] for raster in sky.atlas]) for of in (sky.origin, sky.normal))
+    skin = np.asarray(point, np.float32), np.asarray(normal, np.float32)
+    return numbered(sky.atlas, *texels, *counts, parts, size, None, skin)
 
 
 @kernel

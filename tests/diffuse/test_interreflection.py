@@ -1,5 +1,7 @@
 """Skin that lights skin, against cavities and plates with known exchange."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -121,6 +123,24 @@ def test_what_is_said_of_the_noise_is_what_it_was(with_neighbours):
     )
     assert 0.75 * wrong < found.noise * of < 2 * wrong
     assert (view.rays.mean() < 40) == with_neighbours
+
+
+def test_light_that_few_rays_find_is_not_dotted():
+    """A plate that sees the lit one as 1.9 % of its view, of which a texel's rays find one or none."""
+    mesh = plates(40.0, 160.0)
+    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 1.0, 32)
+    sent = np.zeros((1, *SIZE, 3), np.float32)
+    sent[:, :, : SIZE[0] // 2] = 1
+
+    def spread_and_mean(view):
+        got = bounced_light(view, [sent], [np.ones((1, 1, 3), np.float32)]).tiles[0][0, ..., 0]
+        area = view.atlas[0].area_mm2
+        dark = (np.arange(area.shape[1]) >= area.shape[1] // 2) & (area > 0)
+        return got[dark].std() / got[dark].mean(), np.average(got[dark], weights=area[dark])
+
+    (spread, mean), (of_each, wanted) = spread_and_mean(view), spread_and_mean(replace(view, skin=None))
+    assert spread < 0.15 < 1 < of_each
+    assert mean == pytest.approx(wanted, rel=0.01)
 
 
 def test_skin_seen_from_behind_and_no_skin_bring_nothing():

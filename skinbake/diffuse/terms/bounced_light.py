@@ -94,21 +94,20 @@ def bounced_light(
     values = _read(view, sent, colour or [np.ones((1, 1, 3), np.float32)] * len(sent), _row(lights))
     out = np.zeros((len(view.tile), values.shape[1]), np.float32)
     done, going = np.zeros(lights, np.int64), np.ones(lights, np.bool_)
-    first, left, noise = np.zeros(lights), np.ones(lights), np.zeros(lights)
+    first, left, noise, here = np.zeros(lights), np.ones(lights), np.zeros(lights), np.ones(lights)
+    apart: Image | None = None
     for turn in range(most.max(initial=1)):
         halves = np.zeros((1 if turn else 2, *out.shape), np.float32)
         parallel_for(_collect, len(out), rays, values, halves)
-        apart = view.quieter(halves[0] - halves[1]) if measured and not turn else None
+        if measured and not turn:
+            apart = halves[0] - halves[1]
         got, sent_again = halves[0], np.empty_like(out)
         parallel_for(_arrive, len(out), halves, again, out, sent_again)
         done += going
         if measured:
             now, then = _rms(got, ones, lights), _rms(sent_again, view.share, lights)
-            if apart is not None:
-                first = now
-                apart[:, : 3 * lights].reshape(len(got), lights, 3)[...] *= again
-                here = np.maximum(_rms(sent_again, np.sqrt(area), lights), 1e-30)
-                noise = _rms(apart, np.sqrt(area), lights) / here * (_HALVES * np.sqrt(0.5) * 2**-NOISE_FALL)
+            if not turn:
+                first, here = now, np.maximum(_rms(sent_again, np.sqrt(area), lights), 1e-30)
             falls = np.minimum(then / np.maximum(now, 1e-30), _SLOWEST)
             foreseen = np.where(first > 0, now * falls / (1 - falls) / np.maximum(first, 1e-30), 0)
             left = np.where(going, foreseen, left)
@@ -121,7 +120,12 @@ def bounced_light(
         if not turn:
             rays = rays._replace(seen=view.seen_again)
         values = sent_again
-    out = view.quieter(out)
+    if apart is None:
+        out = view.quieter(out)
+    else:  # together, as finding the neighbours is what takes time
+        out, apart = (each.copy() for each in np.split(view.quieter(np.concatenate([out, apart], axis=1)), 2, axis=1))
+        apart[:, : 3 * lights].reshape(len(out), lights, 3)[...] *= again
+        noise = _rms(apart, np.sqrt(area), lights) / here * (_HALVES * np.sqrt(0.5) * 2**-NOISE_FALL)
     tiles = [np.zeros((lights, *shape, 3), np.float32) for shape in shapes]
     for k, tile in enumerate(tiles):
         mine = np.flatnonzero(view.tile == k)

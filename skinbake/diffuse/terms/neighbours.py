@@ -1,4 +1,8 @@
-"""A mean with the neighbouring texels that look the same way: it hides noise, and leaves creases as they are."""
+"""A mean with the texels about one that look the same way: it hides noise, and leaves creases as they are.
+
+Of fine texels that send many rays it is the mean with the neighbours; of others the mean over the rays of as many
+texels as it takes to meet some skin.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,16 @@ from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 
 Image = NDArray[np.float32]
+Counts = NDArray[np.integer]
 Index = NDArray[np.int64]
 BINOMIAL = {3: (0.5, 1.0, 0.5), 5: (1 / 6, 4 / 6, 1.0, 4 / 6, 1 / 6)}  # weights by the number of texels across
 LEAST_COSINE = 0.95  # between normals, from which on a neighbour counts; in full where they are the same
 WORTH = 0.45  # of its weight that a neighbour's rays save of one's own: sequences of texels are no single one
+REACHES = 0, 1, 2, 4, 6, 8  # texels to either side that light is the mean over where few rays meet skin
+ENOUGH_MET = 24  # rays that meet skin, from which on a mean takes no more texels
+_ALIKE = (
+    0.9  # cosine between normals, from which on the rays of a texel farther off count; in full where they are the same
+)
 _FULL = 252  # weight of the texel itself
 _REACH = 1.5  # texels' widths that a neighbour may be away for each that it is in the texture: else it is other skin
 
@@ -76,6 +86,101 @@ def rays_shared(weight: NDArray[np.uint8]) -> NDArray[np.float64]:
     shared = total**2 / np.maximum(np.einsum("nk,nk->n", weight, weight, dtype=np.float64), 1.0)
     worth: NDArray[np.float64] = 1 + WORTH * np.maximum(shared - 1, 0)
     return worth
+
+
+def reach_of_rays(shape: tuple[int, int], flat: Index, met: Counts) -> NDArray[np.uint8]:
+    """How many texels to either side hold about `ENOUGH_MET` rays that meet skin, of `REACHES`, (n,).
+
+    Parameters
+    ----------
+    shape : (h, w)
+    flat : ndarray of shape (n,), int64
+        row * w + col of each texel.
+    met : ndarray of shape (n,)
+        How many of its rays meet skin.
+    """
+    most = max(REACHES)
+    of_place = np.zeros((shape[0] + 2 * most + 1, shape[1] + 2 * most + 1))
+    row, col = np.divmod(flat, shape[1])
+    of_place[row + most + 1, col + most + 1] = met
+    up_to = of_place.cumsum(axis=0).cumsum(axis=1)
+    row, col = row + most, col + most  # one before each, in the sums
+    found = np.full(len(flat), most, np.uint8)
+    for reach in sorted(REACHES, reverse=True):
+        top, bottom, left, right = row - reach, row + reach + 1, col - reach, col + reach + 1
+        about = up_to[bottom, right] - up_to[top, right] - up_to[bottom, left] + up_to[top, left]
+        found[about >= ENOUGH_MET] = reach
+    return found
+
+
+def mean_of_rays(
+    values: Image, rays: Counts, reach: NDArray[np.uint8], skin: tuple[Image, Image], raster: AtlasRaster, flat: Index
+) -> Image:
+    """Values (n, v) of texels, each the mean over the rays of all texels within its reach that look about the same way.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n, v), float32
+    rays : ndarray of shape (n,)
+    reach : ndarray of shape (n,)
+        As `reach_of_rays` gives it.
+    skin : (point, normal)
+        Of shape (n, 3), float32.
+    raster : AtlasRaster
+    flat : ndarray of shape (n,), int64
+    """
+    out = np.zeros_like(values)
+    texels = flat, numbers(raster.shape, flat), raster.area_mm2
+    parallel_for(_mean_rays, len(flat), values, (rays, reach), skin, texels, out)
+    return out
+
+
+@kernel
+def _mean_rays(start, stop, values, counts, skin, texels, out):  # type: ignore[no-untyped-def]
+    """Write the means over rays.
+
+    Parameters
+    ----------
+    start, stop : int
+        Texels.
+    values : ndarray of shape (n, v)
+    counts : tuple of two ndarrays of shape (n,)
+        Rays, and reach.
+    skin : tuple of two ndarrays of shape (n, 3)
+        Points and normals.
+    texels : tuple of ndarrays of shape (n,), (h, w) and (h, w)
+        row * w + col of each, the number and the area of the texel at each place.
+    out : ndarray of shape (n, v), holding 0; written
+    """
+    point, normal = skin
+    rays, reach = counts
+    flat, number, area_mm2 = texels
+    height, width = number.shape
+    for i in range(start, stop):
+        row, col = flat[i] // width, flat[i] % width
+        far = np.int64(reach[i])
+        total = 0.0
+        for y in range(max(row - far, 0), min(row + far + 1, height)):
+            for x in range(max(col - far, 0), min(col + far + 1, width)):
+                j = number[y, x]
+                if j < 0:
+                    continue
+                apart = (y - row) * (y - row) + (x - col) * (x - col)
+                cosine, away = 0.0, 0.0
+                for axis in range(3):
+                    cosine += normal[i, axis] * normal[j, axis]
+                    away += (point[i, axis] - point[j, axis]) ** 2
+                if j == i:
+                    cosine = 1.0
+                if cosine <= _ALIKE or away > _REACH * _REACH * apart * max(area_mm2[row, col], area_mm2[y, x]):
+                    continue
+                near = 1.0 - apart / (2.0 * (far + 1) * (far + 1))
+                weight = near * near * min((cosine - _ALIKE) / (1.0 - _ALIKE), 1.0) * rays[j]
+                total += weight
+                for v in range(values.shape[1]):
+                    out[i, v] += weight * values[j, v]
+        for v in range(values.shape[1]):
+            out[i, v] /= total
 
 
 @kernel

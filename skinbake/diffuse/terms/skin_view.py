@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, AtlasRaster, coarser_atlas, coarser_size
-from skinbake.diffuse.terms.neighbours import mean_about, neighbour_weights, numbers, rays_shared
+from skinbake.diffuse.terms.neighbours import (
+    mean_about,
+    mean_of_rays,
+    neighbour_weights,
+    numbers,
+    rays_shared,
+    reach_of_rays,
+)
 from skinbake.diffuse.terms.ray_counts import ray_counts
 from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits, skin_points
 from skinbake.irradiance.occluder import Occluder
@@ -59,6 +66,8 @@ class SkinView:
         numbered one tile after the other.
     size : (H, W)
         Of the full texture.
+    skin : (point, normal), optional
+        Of the texels, (n, 3), where light is the mean over rays of those about them that meet little skin.
     """
 
     atlas: Atlas
@@ -71,6 +80,7 @@ class SkinView:
     weight: NDArray[np.uint8] | None
     met: tuple[Index, ...]
     size: tuple[int, int]
+    skin: tuple[Image, Image] | None = None
 
     @property
     def share(self) -> Image:
@@ -98,15 +108,28 @@ class SkinView:
         return found
 
     def quieter(self, values: Image) -> Image:
-        """Values of the texels, (n, v), each the mean with its neighbours where such are taken."""
-        if self.weight is None or not len(values):
+        """Values of the texels, (n, v), each the mean with its neighbours, or with the rays of as many as it needs."""
+        if not len(values):
             return values
         out = []
         for k, raster in enumerate(self.atlas):
             mine = slice(*np.searchsorted(self.tile, [k, k + 1]))
             flat = self.flat_index[mine]
-            out.append(mean_about(values[mine], self.weight[mine], numbers(raster.shape, flat), flat))
-        return np.concatenate(out)
+            if self.weight is not None:
+                out.append(mean_about(values[mine], self.weight[mine], numbers(raster.shape, flat), flat))
+            elif self.skin is not None:
+                skin = self.skin[0][mine], self.skin[1][mine]
+                out.append(mean_of_rays(values[mine], self.rays[mine], self._reach[mine], skin, raster, flat))
+        return np.concatenate(out) if out else values
+
+    @cached_property
+    def _reach(self) -> NDArray[np.uint8]:
+        """How far about each texel rays are taken along, (n,)."""
+        met, found = np.diff(self.first), []
+        for k, raster in enumerate(self.atlas):
+            mine = slice(*np.searchsorted(self.tile, [k, k + 1]))
+            found.append(reach_of_rays(raster.shape, self.flat_index[mine], met[mine]))
+        return np.concatenate(found)
 
     def _numbers(self, k: int) -> NDArray[np.int32]:
         """Number of the texel at each place of a tile, (h, w)."""
@@ -186,7 +209,8 @@ def look_around(
             in_first_half[some] = hit[:, : each // 2].sum(axis=1)
             place = seen_tile[hit].astype(np.int64) * (size[0] * size[1])
             parts.append((some, place + seen[hit]))
-    return numbered(atlas, tile, flat, count, met_skin, in_first_half, parts, weight, size)
+    skin = None if with_neighbours else (point, normal)
+    return numbered(atlas, tile, flat, count, met_skin, in_first_half, parts, size, weight, skin)
 
 
 def _width_mm(atlas: Atlas) -> float:
@@ -203,15 +227,16 @@ def numbered(
     met_skin: Index,
     in_first_half: Index,
     parts: Sequence[tuple[Index, Index]],
-    weight: NDArray[np.uint8] | None,
     size: tuple[int, int],
+    weight: NDArray[np.uint8] | None,
+    skin: tuple[Image, Image] | None,
 ) -> SkinView:
     """The view, in the order of its texels.
 
     Parameters
     ----------
     atlas : Atlas
-    tile, flat, count, weight
+    tile, flat, count, weight, skin
         As of `SkinView`.
     met_skin, in_first_half : ndarrays of shape (n,)
         How many rays of each texel meet skin; of the first half of them.
@@ -232,7 +257,7 @@ def numbered(
         begins = np.cumsum(many) - many
         seen[np.arange(len(place)) + np.repeat(first[some] - begins, many)] = number[place]
     met = tuple(np.flatnonzero(of_tile) for of_tile in among.reshape(len(atlas), texels))
-    return SkinView(atlas, tile, flat, count, first, first[:-1] + in_first_half, seen, weight, met, size[::-1])
+    return SkinView(atlas, tile, flat, count, first, first[:-1] + in_first_half, seen, weight, met, size[::-1], skin)
 
 
 def _seen_about(
