@@ -7,6 +7,7 @@ Another machine differs by a factor a stage, which `skinbake.baking.pace` learns
 
 from __future__ import annotations
 
+from math import pi, sqrt
 from typing import NamedTuple
 
 from skinbake.diffuse.terms.interreflection import COARSE_ERROR, COARSENESS, LEAST_RAYS, MOST_RAYS, Bounced, Receivers
@@ -22,6 +23,7 @@ SKIN_MM2 = 200_000.0  # of a head, more with its neck
 BOUNCED = 0.037  # of its light that skin sends to skin; heads
 NOISE = Bounced(BOUNCED, 0.018)
 A_RAY_S, A_RECEIVER_S = 0.42e-6, 1.6e-6  # of light from skin to skin: of a ray, and of a texel and a light
+PENUMBRA, NOISE_OF_36 = 0.2, 0.015  # texels that see a part of a rectangle; rms of what 36 rays leave of its light
 A_LOBE_S, OWN_LIGHT = 1.25, 0.25  # of six lobes of a light, a megatexel; and what `terms.diffuse_profile` adds to them
 ALONE = 0.3  # of processor time, that one core works while the others wait
 START_S = 0.9  # of the process, until it reads
@@ -60,6 +62,7 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
     lights = len(spec.lights) if spec.output.separate_lights else 1
     directions = sum(_directions(light.samples, budget) for light in spec.lights if light.type == "environment")
     lamps = sum(light.type != "environment" for light in spec.lights)
+    rays = sum(_rays(light.samples, spec, budget, work) for light in spec.lights if light.type == "rectangle")
     cpu = {
         "read": 0.05 + 5 * triangles,
         "raster": 0.05 + 0.1 * megatexels + 0.5 * triangles,
@@ -68,6 +71,7 @@ def stage_seconds(spec: SceneSpec, budget: Budget, work: Work) -> dict[str, floa
         "irradiance": 0.5
         + 4 * triangles
         + lamps * 0.17 * megatexels
+        + rays * PENUMBRA * megatexels * 2**20 * A_RAY_S
         + directions**0.72 * (0.013 + 0.0075 * megatexels**0.75),
         "diffuse": 0.6
         + 3 * triangles
@@ -96,6 +100,15 @@ def _directions(asked: int | None, budget: Budget) -> float:
         return float(asked)
     ratio = 0.0076 / max(budget.sky, 1e-9)
     return float(min(max(256 * ratio ** (1.9 if ratio > 1 else 0.9), 16), 4096))
+
+
+def _rays(asked: int | None, spec: SceneSpec, budget: Budget, work: Work) -> float:
+    """About how many rays a texel a rectangle takes: skin that scatters by half a millimetre leaves their noise."""
+    if asked is not None:
+        return float(asked)
+    texel_mm2 = work.skin_mm2 / (spec.texture.size[0] * spec.texture.size[1] * work.tiles)
+    noise = NOISE_OF_36 / sqrt(1 + pi / texel_mm2)
+    return float(min(max(36 * (noise / max(budget.sky, 1e-9)) ** (4 / 3), 36), 4096))
 
 
 def _of_lobes(spec: SceneSpec) -> float:

@@ -91,7 +91,7 @@ class BakeInputs:
         found = self._session.peek("texture_size", key)
         if found is None:
             scene = self.scene()
-            chosen = choose_size(spec, scene.mesh, scene.maps, self._gaussians())
+            chosen = choose_size(spec, scene.mesh, scene.maps, self.gaussians())
             found = self._session.put("texture_size", key, chosen)
             if found.size != spec.texture.size and _layout_of_its_own(spec):
                 self._scene = None  # made at the other size
@@ -147,7 +147,7 @@ class BakeInputs:
             return fit_onto(self.spec.skin, self.base.gaussians.variance_mm2, table)
         return fit_skin(self.spec.skin, table, over=self.varying)
 
-    def _gaussians(self) -> GaussianSum:
+    def gaussians(self) -> GaussianSum:
         """The skin's, of whoever has them."""
         if self.base:
             return self.base.gaussians

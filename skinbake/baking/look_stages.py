@@ -40,7 +40,7 @@ def look_stages(
     """
     profile = ProfileStage(inputs, results, log)
     raster = RasterStage(inputs, results, session, log)
-    irradiance = given or IrradianceStage(inputs, raster, results, session, log, log.note)
+    irradiance = given or IrradianceStage(inputs, profile, raster, results, session, log, log.note)
     relight = RelightStage(inputs, profile, results, log, log.note) if inputs.spec.relight else None
     reused = inputs.spec.relight is not None and inputs.spec.relight.reuse and given is None
     diffuse = DiffuseStage(inputs, profile, raster, irradiance, results, log, log.note, relight if reused else None)

@@ -105,7 +105,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     over = ranges_of(scene.maps, spec.skin, [raster.tile for raster in atlas])
     gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None, over=over).gaussians
     decisions, medium = decide(spec), skin_medium(mean_skin(spec.skin, over))
-    irradiance = light_skin(spec, decisions, scene, atlas)
+    irradiance = light_skin(spec, decisions, scene, atlas, gaussians=gaussians)
     incidence = incidence_table(medium) if medium.layers and spec.terms.incidence != "off" else None
     entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
     source, of_wide, of_everywhere = (

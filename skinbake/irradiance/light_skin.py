@@ -12,6 +12,7 @@ from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.light_texels import light_texels
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.numerics import Zeros
+from skinbake.profile import GaussianSum
 from skinbake.scene.decision import Decisions
 from skinbake.scene.spec import SceneSpec
 
@@ -25,6 +26,7 @@ def light_skin(
     rounded: Callable[[NDArray[np.float32]], NDArray[np.floating]] = lambda image: image,
     tell: Callable[[str], None] = lambda text: None,
     zeros: Zeros = np.zeros,
+    gaussians: GaussianSum | None = None,
 ) -> tuple[IrradianceMap, ...]:
     """Irradiance of the look's lights, one map a tile; a light's values do not depend on the other lights.
 
@@ -43,6 +45,8 @@ def light_skin(
         Told in words which light begins.
     zeros : callable, optional
         Makes images that stay for longer.
+    gaussians : GaussianSum, optional
+        Of the skin, which smooths a rectangle's noise.
     """
     return light_texels(
         atlas,
@@ -57,6 +61,7 @@ def light_skin(
         tolerance=decisions.budget.sky_directions,
         occluder=scene.occluder,
         seen=scene.sky_texels(spec.texture),
+        gaussians=gaussians,
         rounded=rounded,
         tell=tell,
         zeros=zeros,

@@ -15,6 +15,7 @@ from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import OilLayer, oil_table
 from skinbake.irradiance.punctual_light import Unshadowed, colour, emitter, unshadowed
 from skinbake.irradiance.rectangle import light_rectangle
+from skinbake.irradiance.rectangle_plan import RectanglePoints, plan_rectangle
 from skinbake.irradiance.shadow import visibility
 from skinbake.irradiance.sky_points import SkyPoints
 from skinbake.irradiance.sky_texels import SkyTexels, sky_texels
@@ -22,6 +23,7 @@ from skinbake.irradiance.surface import TexelSurface, texel_surface
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, Zeros
+from skinbake.profile import GaussianSum
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import EnvironmentLight, LightSpec, RectangleLight
 from skinbake.scene.maps import SkinMaps
@@ -46,6 +48,7 @@ def light_texels(
     tolerance: float = 0.01,
     occluder: Occluder | None = None,
     seen: SkyTexels | None = None,
+    gaussians: GaussianSum | None = None,
     rounded: Callable[[Image], NDArray[np.floating]] = lambda image: image,
     tell: Callable[[str], None] = lambda text: None,
     zeros: Zeros = np.zeros,
@@ -72,11 +75,13 @@ def light_texels(
     seed : int
         For the samples of area and environment lights.
     tolerance : float
-        Rms error of an environment's light, by which its plan is made.
+        Rms error of the light of an environment or a rectangle, by which its plan is made.
     occluder : Occluder, optional
         The mesh's, where somebody has one already.
     seen : SkyTexels, optional
         Of the mesh and the texture, likewise: skies are planned by what they see.
+    gaussians : GaussianSum, optional
+        Of the skin, which smooths a rectangle's noise; else nothing does.
     rounded : callable
         Takes a light's (H, W, 4), irradiance and unshadowed share, and gives what is to be kept of it before the next
         is computed in its place: with halves, only one light's floats are in memory.
@@ -95,7 +100,15 @@ def light_texels(
         for light in lights
         if isinstance(light, EnvironmentLight)
     }
-    plan = {name: sky.lines for name, sky in skies.items()}
+    points_of_rectangles = RectanglePoints(mesh, occluder, size, gaussians)
+    rectangles = {
+        light.name: plan_rectangle(
+            light, points_of_rectangles, shadows if light.shadows is None else light.shadows, tolerance, seed
+        )
+        for light in lights
+        if isinstance(light, RectangleLight)
+    }
+    plan = {name: each.lines for name, each in (skies | rectangles).items() if each.lines}
     names = tuple(light.name for light in lights)
     maps_out, dark = [], set(names)
     for raster in atlas:
@@ -106,7 +119,9 @@ def light_texels(
             tell(f"{light.name}, {k + 1} of {len(lights)}")
             casts = shadows if light.shadows is None else light.shadows
             if isinstance(light, RectangleLight):
-                arriving, lit[..., 3] = light_rectangle(surface, occluder, light, casts, table, seed)
+                arriving, lit[..., 3] = light_rectangle(
+                    surface, occluder, light, casts, table, seed, rectangles[light.name].grid
+                )
                 np.multiply(arriving[..., None], np.asarray(light.radiance, np.float32), out=lit[..., :3])
             elif isinstance(light, EnvironmentLight):
                 light_environment(surface, occluder, skies[light.name], table, lit)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from typing import Any, NamedTuple
 
@@ -23,8 +22,6 @@ from skinbake.numerics import Float
 from skinbake.scene.lights import RectangleLight
 
 Image = NDArray[np.float32]
-DEFAULT_SAMPLES = 36
-HAIR_SAMPLES = 144  # where light passes between strands: many edges lie in one penumbra
 CHUNK = 1 << 20
 
 
@@ -35,12 +32,13 @@ def light_rectangle(
     casts: bool,
     table: Float,
     seed: int,
+    grid: int,
 ) -> tuple[Image, Image]:
     """Irradiance of a unit radiance (H, W), without the shadows, and unshadowed share (H, W).
 
     Unshadowed light is exact (theory.md 10.2 [Lambert1760, Baum1989]); rays through a jittered grid on the rectangle
     find the share that arrives. Full light and full shadow are found on a coarse lattice, every texel of a penumbra has
-    its own rays; four times as many where hair lets light pass between its strands.
+    its own rays.
 
     Parameters
     ----------
@@ -52,19 +50,15 @@ def light_rectangle(
     table : ndarray
         Albedo of the oil layer; of size 0 where the oil takes nothing off.
     seed : int
+    grid : int
+        Rays along each edge.
     """
-    corner = np.asarray(light.position_mm) - occluder.centre_mm
-    shape = np.array([corner, light.edge_u_mm, light.edge_v_mm], dtype=np.float64)
-    out_normal = np.cross(light.edge_u_mm, light.edge_v_mm)
+    panel = panel_of(light, occluder, seed, grid)
     raster = surface.raster
     arriving, facing = np.zeros(raster.shape, np.float32), np.zeros(raster.shape, np.bool_)
     out = Unshadowed(arriving, facing)
-    parallel_for(_contour, len(arriving), shape, out_normal, surface.texels, surface.subdivided, out)
+    parallel_for(_contour, len(arriving), panel.shape, panel.out_normal, surface.texels, surface.subdivided, out)
 
-    out_normal = out_normal / np.sqrt((out_normal * out_normal).sum())
-    strands = casts and occluder.has_cards
-    grid = max(1, math.ceil(math.sqrt(light.samples or (HAIR_SAMPLES if strands else DEFAULT_SAMPLES))))
-    key = np.uint64((seed * 0x9E3779B97F4A7C15 + zlib.crc32(light.name.encode())) % 2**64)
     normal, smooth = surface.normal.reshape(-1, 3), surface.smooth_normal.reshape(-1, 3)
     roughness = np.broadcast_to(surface.roughness, facing.shape).reshape(-1)
     strength = np.broadcast_to(surface.strength, facing.shape).reshape(-1)
@@ -75,32 +69,66 @@ def light_rectangle(
         step = max(1, CHUNK // grid**2)
         for start in range(0, len(texels), step):
             part = texels[start : start + step]
-            origin = surface.origins(part)
-            count = len(part), grid * grid
-            ray, reach = np.zeros((*count, 3), np.float32), np.zeros(count, np.float32)
-            sent, passed = np.zeros(count), np.zeros(count)
-            panel = _Panel(shape, out_normal, key, grid)
-            points = _Points(part, origin, normal[part], smooth[part])
+            points = Points(part, surface.origins(part), normal[part], smooth[part])
             oil = OilLayer(roughness[part], strength[part], table, f0[part])
-            parallel_for(_sample, len(part), panel, points, oil, _Rays(ray, reach, sent, passed))
-            clear: NDArray[Any] = np.ones(reach.size, np.bool_)
-            if casts:
-                starts = np.repeat(origin, grid**2, axis=0)
-                clear = occluder.unhindered(starts, ray.reshape(-1, 3), reach.ravel())
-            clear = clear.reshape(sent.shape)
-            total = sent.sum(axis=1)
-            none = total <= 0
-            total[none] = 1
-            out[start : start + step, 0] = np.where(none, clear.mean(axis=1), (passed * clear).sum(axis=1) / total)
-            out[start : start + step, 1] = np.where(none, clear.mean(axis=1), (sent * clear).sum(axis=1) / total)
+            out[start : start + step] = open_shares(panel, points, oil, occluder if casts else None)[0]
         return out
 
     if casts or table.size:
         # Shadows of strands repeat within a few texels: points of a wide lattice may agree on all of them
-        tolerance, coarsest = (0.0, 2) if strands else (0.02 if table.size else 0.0, 4)
+        tolerance, coarsest = (0.0, 2) if casts and occluder.has_cards else (0.02 if table.size else 0.0, 4)
         share = refine(facing, surface.smooth_normal, 2, trace, tolerance, coarsest)
         return arriving * share[..., 0], share[..., 1]
     return arriving, facing.astype(np.float32)
+
+
+def panel_of(light: RectangleLight, occluder: Occluder, seed: int, grid: int) -> Panel:
+    """A rectangle light about the occluder's centre, with rays to it.
+
+    Parameters
+    ----------
+    light : RectangleLight
+    occluder : Occluder
+    seed : int
+    grid : int
+        Rays along each edge.
+    """
+    corner = np.asarray(light.position_mm) - occluder.centre_mm
+    shape = np.array([corner, light.edge_u_mm, light.edge_v_mm], dtype=np.float64)
+    out_normal = np.cross(light.edge_u_mm, light.edge_v_mm)
+    key = np.uint64((seed * 0x9E3779B97F4A7C15 + zlib.crc32(light.name.encode())) % 2**64)
+    return Panel(shape, out_normal / np.sqrt((out_normal * out_normal).sum()), key, grid)
+
+
+def open_shares(panel: Panel, points: Points, oil: OilLayer, occluder: Occluder | None) -> tuple[Image, Float]:
+    """Share of the light that arrives, with and without the oil, (n, 2), and what the rays stand for without shadows,
+    (n,), the light's area left out.
+
+    Parameters
+    ----------
+    panel : Panel
+    points : Points
+    oil : OilLayer
+        At the points.
+    occluder : Occluder, optional
+        What is in the way.
+    """
+    count = len(points.texels), panel.grid**2
+    ray, reach = np.zeros((*count, 3), np.float32), np.zeros(count, np.float32)
+    sent, passed = np.zeros(count), np.zeros(count)
+    parallel_for(_sample, len(points.texels), panel, points, oil, _Rays(ray, reach, sent, passed))
+    clear: NDArray[Any] = np.ones(reach.size, np.bool_)
+    if occluder is not None:
+        starts = np.repeat(points.origin, panel.grid**2, axis=0)
+        clear = occluder.unhindered(starts, ray.reshape(-1, 3), reach.ravel())
+    clear = clear.reshape(sent.shape)
+    total = sent.sum(axis=1)
+    none = total <= 0
+    total[none] = 1
+    out = np.empty((len(total), 2), np.float32)
+    out[:, 0] = np.where(none, clear.mean(axis=1), (passed * clear).sum(axis=1) / total)
+    out[:, 1] = np.where(none, clear.mean(axis=1), (sent * clear).sum(axis=1) / total)
+    return out, np.where(none, 0.0, total / count[1])
 
 
 @kernel(inner=True)
@@ -243,7 +271,7 @@ def _hash(x: np.uint64) -> np.uint64:
     return x ^ (x >> np.uint64(31))
 
 
-class _Panel(NamedTuple):
+class Panel(NamedTuple):
     """A rectangle light and the rays to it.
 
     Attributes
@@ -264,7 +292,7 @@ class _Panel(NamedTuple):
     grid: int
 
 
-class _Points(NamedTuple):
+class Points(NamedTuple):
     """Points of the skin from which rays start.
 
     Attributes
@@ -300,15 +328,15 @@ class _Rays(NamedTuple):
 
 
 @kernel
-def _sample(first: int, stop: int, panel: _Panel, points: _Points, oil: OilLayer, out: _Rays) -> None:
+def _sample(first: int, stop: int, panel: Panel, points: Points, oil: OilLayer, out: _Rays) -> None:
     """Rays to a jittered grid on the light, and the irradiance that each stands for.
 
     Parameters
     ----------
     first, stop : int
         Of the points.
-    panel : _Panel
-    points : _Points
+    panel : Panel
+    points : Points
     oil : OilLayer
         At the points.
     out : _Rays

@@ -174,9 +174,8 @@ def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int],
         Size of the texture, whose texels set the step off the facet.
     count : int
     """
-    total = np.cumsum(mesh.face_area_mm2)
     step = np.arange(count) + 0.5
-    face = np.searchsorted(total, step / count * total[-1]).clip(max=len(total) - 1).astype(np.int32)
+    face = scattered_faces(mesh, count)
     root, along = np.sqrt(step / GOLDEN % 1), step / GOLDEN**2 % 1
     barycentric = np.stack([root * (1 - along), root * along], axis=-1).astype(np.float32)
     start, way, barred = _ways_up(
@@ -186,6 +185,13 @@ def scattered_origins(mesh: SkinMesh, occluder: Occluder, size: tuple[int, int],
     weight = np.concatenate([1 - barycentric.sum(axis=1, keepdims=True), barycentric], axis=1)
     normal = normalized(np.einsum("nk,nki->ni", weight, mesh.corner_normal[face]))
     return start + way, normal.astype(np.float32)
+
+
+def scattered_faces(mesh: SkinMesh, count: int) -> NDArray[np.int32]:
+    """Faces of the points of `scattered_origins`, (count,)."""
+    total = np.cumsum(mesh.face_area_mm2)
+    step = np.arange(count) + 0.5
+    return np.searchsorted(total, step / count * total[-1]).clip(max=len(total) - 1).astype(np.int32)
 
 
 def _step_mm(texel_mm: Float, occluder: Occluder) -> Float:

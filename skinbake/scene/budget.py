@@ -3,8 +3,8 @@
 Errors that know nothing of each other add up as squares. Lights stay live: each may be the only one that shines, so
 that each has the whole tolerance for what is left out of its own light, and what all of them share counts for each.
 The texture's size takes first; the rest is parted here, before anything is computed, into what the blur may take, what
-the light of a sky may, and what the terms of a light may that are left out. Nobody's part is kept for who is not there.
-What costs next to nothing is not left out for its error, whatever the tolerance (`NEGLIGIBLE`).
+the light of a sky or of a rectangle may, and what the terms of a light may that are left out. Nobody's part is kept for
+who is not there. What costs next to nothing is not left out for its error, whatever the tolerance (`NEGLIGIBLE`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from skinbake.scene.decision import Decision
     from skinbake.scene.spec import DiffusionSpec, SceneSpec
 
-# Parts of the square that the size leaves. A sky's directions get dearer soonest
+# Parts of the square that the size leaves. A sky's directions get dearer soonest; a rectangle's rays have as much
 BLUR, SKY, TERMS = 1.5, 3.5, 1.0
 FIT = "fit"  # term of the plan
 SKIN_TO_SKIN = 0.0018  # what light of a sky that skin sends on leaves, as finely as it is taken, on two heads
@@ -40,9 +40,9 @@ class Budget:
     blur : float
         What the lobes may be wrong by: method and storage.
     sky : float
-        What the light of a sky may be wrong by.
+        What the light of a sky or of a rectangle may be wrong by.
     skies : frozenset of str
-        Lights that take that; the others leave it to their terms.
+        Lights that take that, where nobody has said how many rays they have; the others leave it to their terms.
     """
 
     tolerance: float
@@ -58,7 +58,7 @@ class Budget:
 
     @property
     def sky_directions(self) -> float:
-        """What the number of a sky's directions may leave of `sky`: less where light from skin to skin needs more."""
+        """What the number of directions or rays may leave of `sky`: less where light from skin to skin needs more."""
         room = self.left**2 - self.blur**2 - SKIN_TO_SKIN**2
         return sqrt(min(max(room, self.sky**2 / 4), self.sky**2))
 
@@ -104,7 +104,8 @@ def budget_of(spec: SceneSpec, lost: float = 0.0) -> Budget:
         By a coarser texture.
     """
     terms = spec.terms
-    skies = frozenset(light.name for light in spec.lights if light.type == "environment" and light.samples is None)
+    sampled = [light for light in spec.lights if light.type in ("environment", "rectangle")]
+    skies = frozenset(light.name for light in sampled if light.samples is None)
     # Light from skin to skin is as coarse as it may be, also where somebody has switched it on
     undecided = "auto" in (terms.beam, terms.transmission) or terms.interreflection != "off"
     whole = BLUR + (SKY if skies else 0.0) + (TERMS if undecided else 0.0)

@@ -94,7 +94,7 @@ class RectangleLight(_Light):
     radiance: Rgb
     """W/(sr m^2) on its one side."""
     samples: Annotated[int, Field(ge=1, le=4096)] | None = None
-    """Shadow rays a texel; by default 36, and 144 where pictures of `opacity` let light pass."""
+    """Shadow rays a texel; by default as many as the tolerance needs, from 36 on, 144 where `opacity` is used."""
 
 
 class EnvironmentLight(_Light):

@@ -47,6 +47,19 @@ def test_the_tolerance_is_part_of_a_sky_s_key_only(stages):
     assert first["key"] == other["key"]
 
 
+@pytest.mark.parametrize("samples", ["", ", samples: 9"])
+def test_a_rectangle_is_planned_by_the_tolerance_and_the_skin_that_smooths_it(stages, samples):
+    """Its error is stored with it, so that both are in its key, and the skin in no other's."""
+    box = f"""lights=[{{name: key, type: directional, direction: [0, 0, -1], irradiance: [1, 1, 1]}},
+      {{name: box, type: rectangle, position_mm: [0, 0, 90], edge_u_mm: [9, 0, 0], edge_v_mm: [0, -9, 0],
+      radiance: [1, 1, 1]{samples}}}]"""
+    first = stages(box, "diffusion.tolerance=0.05").irradiance.light_keys
+    for change in ("skin.variance_mm2=[0.06]", "diffusion.tolerance=0.04"):
+        other = stages(box, "diffusion.tolerance=0.05", change).irradiance.light_keys
+        assert first["box"] != other["box"]
+        assert first["key"] == other["key"]
+
+
 @pytest.mark.parametrize("conserved", ["on", "off"])
 def test_files_name_every_map_that_their_light_has_read(stages, tmp_path, conserved):
     """Cavities take oil off, and so change the light wherever the oil does: their digest is in the header."""

@@ -14,6 +14,10 @@ from skinbake.scene.spec import DiffusionSpec, SceneSpec
 
 SUN = {"name": "sun", "type": "directional", "direction": [0, 0, -1], "irradiance": [1, 1, 1]}
 SKY = {"name": "sky", "type": "environment", "radiance": [1, 1, 1]}
+BOX = {
+    "name": "box", "type": "rectangle", "position_mm": [0, 0, 9], "edge_u_mm": [1, 0, 0], "edge_v_mm": [0, -1, 0],
+    "radiance": [1, 1, 1],
+}  # fmt: skip
 FIXED = {"terms": {"beam": "on", "interreflection": "off", "transmission": "off"}}
 
 
@@ -49,12 +53,12 @@ def test_the_blur_makes_do_with_what_light_has_left(spent, steps):
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.015])
-@pytest.mark.parametrize("lights", [[SUN], [SKY], [SUN, SKY]], ids=["sun", "sky", "both"])
+@pytest.mark.parametrize("lights", [[SUN], [SKY], [BOX], [SUN, SKY, BOX]], ids=["sun", "sky", "box", "all"])
 def test_the_parts_of_each_light_fill_the_tolerance(lights, lost):
     """Size, blur, sky and terms, as squares: never more than asked for, and nothing is kept for who is not there."""
     budget = budget_of(look(*lights), lost)
     for light in lights:
-        own = budget.sky if light is SKY else 0.0
+        own = budget.sky if light in (SKY, BOX) else 0.0
         parts = lost**2 + budget.blur**2 + own**2 + budget.terms_left(light["name"]) ** 2
         assert sqrt(parts) == pytest.approx(0.02)
     assert budget.terms_left("sun", 1.0) == 0
@@ -65,6 +69,7 @@ def test_what_is_given_takes_no_part():
     budget = budget_of(look(SUN, SKY | {"samples": 64}, **FIXED))
     assert budget.blur == budget.sky == pytest.approx(0.02)
     assert budget_of(look(SUN, **FIXED)).blur == pytest.approx(0.02)
+    assert budget_of(look(SUN, BOX | {"samples": 64})) == budget_of(look(SUN))
 
 
 def test_a_given_method_leaves_terms_their_part():

@@ -20,12 +20,14 @@ from skinbake.irradiance import IrradianceMap
 from skinbake.irradiance.light_skin import light_skin
 from skinbake.numerics import Zeros, stacked
 from skinbake.pipeline import Stage
+from skinbake.profile import GaussianSum
 from skinbake.stored_precision import as_stored
 
 if TYPE_CHECKING:
     from skinbake.baking.inputs import BakeInputs
     from skinbake.baking.result_store import ResultStore
     from skinbake.baking.session import BakeSession
+    from skinbake.baking.stages.profile import ProfileStage
     from skinbake.baking.stages.raster import RasterStage
     from skinbake.pipeline import StageTimer
 
@@ -41,6 +43,7 @@ class IrradianceStage(Stage[Maps, Maps]):
     def __init__(
         self,
         inputs: BakeInputs,
+        profile: ProfileStage,
         raster: RasterStage,
         results: ResultStore,
         session: BakeSession,
@@ -49,7 +52,7 @@ class IrradianceStage(Stage[Maps, Maps]):
     ) -> None:
         super().__init__(timer)
         self._inputs, self._raster, self._results, self._session = inputs, raster, results, session
-        self._say = say
+        self._profile, self._say = profile, say
 
     @cached_property
     def light_keys(self) -> dict[str, str]:
@@ -71,8 +74,10 @@ class IrradianceStage(Stage[Maps, Maps]):
     def _light_key(self, name: str) -> str:
         inputs, spec = self._inputs, self._inputs.spec
         light = next(light for light in spec.lights if light.name == name)
-        # By which a sky is planned
-        tolerance = inputs.decisions.budget.sky_directions if light.type == "environment" else None
+        # By which skies and rectangles are planned, and what smooths the noise of a rectangle's rays
+        tolerance = inputs.decisions.budget.sky_directions if light.type in ("environment", "rectangle") else None
+        skin = self._gaussians if light.type == "rectangle" else None
+        smoothing = skin and (skin.variance_mm2.tolist(), skin.weight_rgb.tolist())
         oil = None
         if inputs.decisions.energy_conservation.enabled:
             oil = (spec.specular.model_dump(mode="json"), inputs.key(*OILY))
@@ -81,7 +86,14 @@ class IrradianceStage(Stage[Maps, Maps]):
             inputs.key(*SHAPING, OCCLUDERS),
             (inputs.key(f"light.{name}"), tolerance, spec.shadows, spec.output.seed, spec.output.precision),
             oil,
+            smoothing,
         )
+
+    @cached_property
+    def _gaussians(self) -> GaussianSum:
+        """The skin's that lights are made for: of the base, whose blurs are taken, where there is one."""
+        inputs = self._inputs
+        return inputs.base.gaussians if inputs.base else self._profile.load() or inputs.gaussians()
 
     def key(self) -> str:
         """Digest of all lights in their order, of how the file is packed, and of whose UVs it is on."""
@@ -109,7 +121,10 @@ class IrradianceStage(Stage[Maps, Maps]):
             def rounded(image: NDArray[np.float32]) -> NDArray[np.floating]:
                 return as_stored(image, spec.output.precision)
 
-            made = light_skin(spec, inputs.decisions, inputs.scene(), atlas, names, rounded, self._say, spool.zeros)
+            rectangles = any(light.type == "rectangle" and light.name in names for light in spec.lights)
+            skin = self._gaussians if rectangles else None
+            scene, zeros = inputs.scene(), spool.zeros
+            made = light_skin(spec, inputs.decisions, scene, atlas, names, rounded, self._say, zeros, skin)
             self._session.traced += names
             traced.append(made)
             return _by_light(made)
