@@ -135,6 +135,27 @@ def mean_of_rays(
     return out
 
 
+@kernel(inline=True)
+def _alike(skin: tuple[Image, Image], i: int, j: int, apart_mm2: float) -> tuple[float, bool]:
+    """Cosine between the normals of two texels, and whether they are as near as places so far apart of one skin are.
+
+    Parameters
+    ----------
+    skin : (point, normal)
+        Of shape (n, 3).
+    i, j : int
+        The texels.
+    apart_mm2 : float
+        Square of how far they are apart in the texture, at its texels' width.
+    """
+    point, normal = skin
+    cosine, away = 0.0, 0.0
+    for axis in range(3):
+        cosine += normal[i, axis] * normal[j, axis]
+        away += (point[i, axis] - point[j, axis]) ** 2
+    return cosine, away <= _REACH * _REACH * apart_mm2
+
+
 @kernel
 def _mean_rays(start, stop, values, counts, skin, texels, out):  # type: ignore[no-untyped-def]
     """Write the means over rays.
@@ -152,7 +173,6 @@ def _mean_rays(start, stop, values, counts, skin, texels, out):  # type: ignore[
         row * w + col of each, the number and the area of the texel at each place.
     out : ndarray of shape (n, v), holding 0; written
     """
-    point, normal = skin
     rays, reach = counts
     flat, number, area_mm2 = texels
     height, width = number.shape
@@ -166,13 +186,10 @@ def _mean_rays(start, stop, values, counts, skin, texels, out):  # type: ignore[
                 if j < 0:
                     continue
                 apart = (y - row) * (y - row) + (x - col) * (x - col)
-                cosine, away = 0.0, 0.0
-                for axis in range(3):
-                    cosine += normal[i, axis] * normal[j, axis]
-                    away += (point[i, axis] - point[j, axis]) ** 2
+                cosine, near_by = _alike(skin, i, j, apart * max(area_mm2[row, col], area_mm2[y, x]))
                 if j == i:
                     cosine = 1.0
-                if cosine <= _ALIKE or away > _REACH * _REACH * apart * max(area_mm2[row, col], area_mm2[y, x]):
+                if cosine <= _ALIKE or not near_by:
                     continue
                 near = 1.0 - apart / (2.0 * (far + 1) * (far + 1))
                 weight = near * near * min((cosine - _ALIKE) / (1.0 - _ALIKE), 1.0) * rays[j]
@@ -198,7 +215,6 @@ def _weigh(start, stop, skin, texels, binomial, out):  # type: ignore[no-untyped
     binomial : ndarray of shape (across, across)
     out : ndarray of shape (n, across^2), written
     """
-    point, normal = skin
     flat, number, area_mm2 = texels
     height, width = number.shape
     across = len(binomial)
@@ -210,15 +226,12 @@ def _weigh(start, stop, skin, texels, binomial, out):  # type: ignore[no-untyped
             if y < 0 or y >= height or x < 0 or x >= width or number[y, x] < 0:
                 continue
             j = number[y, x]
-            cosine, away = 0.0, 0.0
-            for axis in range(3):
-                cosine += normal[i, axis] * normal[j, axis]
-                away += (point[i, axis] - point[j, axis]) ** 2
             if j == i:
                 out[i, k] = _FULL
                 continue
-            reach = _REACH * _REACH * (down * down + right * right)
-            if away <= reach * max(area_mm2[row, col], area_mm2[y, x]) and cosine > LEAST_COSINE:
+            apart = down * down + right * right
+            cosine, near_by = _alike(skin, i, j, apart * max(area_mm2[row, col], area_mm2[y, x]))
+            if near_by and cosine > LEAST_COSINE:
                 alike = min((cosine - LEAST_COSINE) / (1.0 - LEAST_COSINE), 1.0)
                 out[i, k] = int(_FULL * binomial[k // across, k % across] * alike)
 
