@@ -113,6 +113,10 @@ def _as_the_file_says(path: Path, pixels: NDArray[Any], attributes: Mapping[str,
             raise InputError(f"{path}: its header's ICC profile is damaged; convert the file to sRGB without one")
         found = _profile(path, bytes(np.asarray(profile, np.uint8)), attributes)
         return (_decoded(pixels, srgb=True), False) if found.is_srgb else _through_profile(pixels, found)
+    if "tiff:TransferFunction" in attributes:
+        raise InputError(
+            f"{path}: its TransferFunction is not that of sRGB; convert the file to sRGB, or say the map's color_space"
+        )
     is_float = not np.issubdtype(pixels.dtype, np.integer)
     space, said_by = str(attributes.get("oiio:ColorSpace", "")).strip(), "its header's oiio:ColorSpace"
     primaries = attributes.get("chromaticities")

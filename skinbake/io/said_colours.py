@@ -1,15 +1,26 @@
-"""Colours that a picture names in words which OpenImageIO passes over: a PNG's primaries, a photograph's Adobe RGB."""
+"""Colours that a picture names in words which OpenImageIO passes over.
+
+A PNG's and a TIFF's primaries, a TIFF's curve, a photograph's Adobe RGB.
+"""
 
 from __future__ import annotations
 
 import struct
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from skinbake.io.colour import REC709, srgb_to_linear
+
 _BEFORE_PRIMARIES = (b"iCCP", b"sRGB", b"cICP")  # a PNG that has one of them means nothing by its primaries
 _UNCALIBRATED = 65535  # EXIF's ColorSpace of all that is not sRGB
 # InteroperabilityIndex, a text of four bytes, R03, in either order of bytes: as whole entries of EXIF have it
+_BITS, _TRANSFER_FUNCTION, _WHITE, _PRIMARIES = 258, 301, 318, 319  # tags of a TIFF
+_BIG = (b"+\0", b"\0+")  # after the order of bytes, in a TIFF of more than 4 GiB
+_SAME_CURVE = 0.01  # of full light, by which tables of sRGB differ
 _OPTIONAL_COLOURS = [struct.pack(order + "HHI4s", 1, 2, 4, b"R03") for order in "<>"]
 
 
@@ -30,6 +41,8 @@ def said_colours(path: Path, kind: str, attributes: Mapping[str, Any]) -> dict[s
     if kind == "png":
         primaries = _primaries_of_png(path)
         return {"chromaticities": primaries} if primaries else {}
+    if kind == "tiff":
+        return _colours_of_tiff(path)
     if attributes.get("Exif:ColorSpace") == _UNCALIBRATED and _is_adobe_rgb(path):
         return {"oiio:ColorSpace": "g22_adobergb_scene"}
     return {}
@@ -51,6 +64,40 @@ def _primaries_of_png(path: Path) -> tuple[float, ...] | None:
                 x = [value / 1e5 for value in struct.unpack(">8I", data[:32])]
                 primaries = (*x[2:], *x[:2])
     return primaries
+
+
+def _colours_of_tiff(path: Path) -> dict[str, Any]:
+    """Primaries and white of its tags, and whether its TransferFunction is another curve than sRGB's.
+
+    A white alone is that of Rec.709's primaries, and primaries alone are seen in Rec.709's white.
+    """
+    tags = _tags_of_tiff(path)
+    said: dict[str, Any] = {}
+    if tags[_WHITE] or tags[_PRIMARIES]:
+        said["chromaticities"] = (*(tags[_PRIMARIES] or REC709[:6]), *(tags[_WHITE] or REC709[6:]))
+    if curve := tags[_TRANSFER_FUNCTION]:
+        channels = 3 if len(curve) == 3 << int(tags[_BITS][0]) else 1
+        tables = np.reshape(curve, (channels, -1)) / 65535
+        if np.abs(tables - srgb_to_linear(np.linspace(0, 1, tables.shape[1]))).max() > _SAME_CURVE:
+            said["tiff:TransferFunction"] = "not sRGB"
+    return said
+
+
+def _tags_of_tiff(path: Path) -> dict[int, tuple[float, ...]]:
+    """Numbers of a TIFF's tags; empty where it has not got them, or all are damaged."""
+    from PIL.TiffImagePlugin import ImageFileDirectory_v2  # of its pictures, Pillow refuses large ones
+
+    asked = (_BITS, _TRANSFER_FUNCTION, _WHITE, _PRIMARIES)
+    try:
+        with warnings.catch_warnings(), path.open("rb") as file:
+            warnings.simplefilter("ignore")  # of tags that are cut
+            head = file.read(8)
+            directory = ImageFileDirectory_v2(head + (file.read(8) if head[2:4] in _BIG else b""))
+            file.seek(directory.next)
+            directory.load(file)
+            return {tag: tuple(float(x) for x in np.ravel(directory.get(tag, ()))) for tag in asked}
+    except (OSError, SyntaxError, ValueError, TypeError, ArithmeticError, struct.error):
+        return dict.fromkeys(asked, ())
 
 
 def _is_adobe_rgb(path: Path) -> bool:

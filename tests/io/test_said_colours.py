@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import struct
 import zlib
+from fractions import Fraction
 
 import numpy as np
 import pytest
-from PIL import Image
+import tifffile
+from PIL import Image, TiffImagePlugin
 
 from skinbake.errors import InputError
 from skinbake.io.colour import decode, srgb_to_linear
@@ -77,3 +79,60 @@ def test_a_photograph_in_adobe_rgb_is_told_by_its_exif(tmp_path, monkeypatch, ki
     found = decode(path, stored.pixels, stored.attributes, "auto", False)[0][4, 4]
     expected = np.array(ADOBE_TO_REC709) @ encoded**2.2 if said == "R03" else srgb_to_linear(encoded)
     np.testing.assert_allclose(found, expected, atol=3e-4)
+
+
+def tiff(path, tags, depth=8):
+    """A TIFF of `RGB` with tags by number: their type, and values."""
+    if depth == 16:  # also of more than 4 GiB, as far as its directory goes
+        pixels = np.full((4, 4, 3), [value * 257 for value in RGB], np.uint16)
+        extra = [(tag, kind, len(values) // (1 + (kind == 5)), values, True) for tag, (kind, values) in tags.items()]
+        tifffile.imwrite(path, pixels, photometric="rgb", bigtiff=True, extratags=extra)
+    else:
+        directory = TiffImagePlugin.ImageFileDirectory_v2()
+        for tag, (kind, values) in tags.items():
+            whole = [Fraction(*pair) for pair in zip(values[::2], values[1::2], strict=True)] if kind == 5 else values
+            directory[tag], directory.tagtype[tag] = tuple(whole), kind
+        Image.new("RGB", (4, 4), RGB).save(path, tiffinfo=directory)
+    stored = read_stored(path)
+    return decode(path, stored.pixels, stored.attributes, "auto", False)[0][1, 2]
+
+
+def rationals(*values):
+    return 5, [number for value in values for number in (round(1e5 * value), 100000)]
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_the_primaries_of_a_tiff_count(tmp_path, depth):
+    """P3 by its tags alone was taken for Rec.709."""
+    encoded = np.array(RGB) / 255
+    white, primaries = rationals(*P3[:2]), rationals(*P3[2:])
+    moved = np.array(P3_TO_REC709) @ srgb_to_linear(encoded)
+    for tags in ({318: white, 319: primaries}, {319: primaries}):
+        np.testing.assert_allclose(tiff(tmp_path / "p3.tif", tags, depth), moved, atol=2e-4)
+    same = {318: rationals(*SRGB[:2]), 319: rationals(*SRGB[2:])}
+    for tags in (same, {318: same[318]}, {}):
+        np.testing.assert_allclose(tiff(tmp_path / "srgb.tif", tags, depth), srgb_to_linear(encoded), atol=1e-6)
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_a_curve_of_a_tiff_that_is_not_srgb_is_refused_by_name(tmp_path, depth):
+    """Unless the look says what the file is."""
+    levels = np.linspace(0, 1, 1 << depth)
+    srgb, power = ([round(x) for x in 65535 * curve] for curve in (srgb_to_linear(levels), levels**1.8))
+    expected = srgb_to_linear(np.array(RGB) / 255)
+    for same in (srgb, 3 * srgb):
+        np.testing.assert_allclose(tiff(tmp_path / "srgb.tif", {301: (3, same)}, depth), expected, atol=1e-6)
+    for other in (power, 2 * srgb + power):
+        with pytest.raises(InputError, match=r"own\.tif: its TransferFunction is not that of sRGB"):
+            tiff(tmp_path / "own.tif", {301: (3, other)}, depth)
+    stored = read_stored(tmp_path / "own.tif")
+    found = decode(tmp_path / "own.tif", stored.pixels, stored.attributes, "srgb", False)[0][1, 2]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_primaries_of_a_tiff_that_are_damaged_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"chromaticities are damaged: expected 8 floats"):
+        tiff(tmp_path / "cut.tif", {319: rationals(0.64, 0.33, 0.3)})
+    with pytest.raises(InputError, match="chromaticities that span colours"):
+        tiff(tmp_path / "none.tif", {318: rationals(0, 0)})
+    tiff(tmp_path / "text.tif", {319: (2, ["P3"])})
