@@ -20,20 +20,6 @@ def sqr(x: ArrayLike) -> Float:
     return x * x
 
 
-def safe_sqrt(x: ArrayLike, round_off: float = 1e-9) -> Float:
-    """Square root that takes round-off below zero as zero.
-
-    Raises
-    ------
-    ValueError
-        If a value lies below `-round_off`: that is an error upstream, not round-off.
-    """
-    x = np.asarray(x, dtype=np.float64)
-    if np.any(x < -round_off):
-        raise ValueError(f"safe_sqrt: expected values >= -{round_off}, got {x.min()}")
-    return np.sqrt(np.maximum(x, 0.0))
-
-
 def safe_div(num: ArrayLike, den: ArrayLike) -> Float:
     """num / den, and 0 where den is 0: an uncovered texel holds no light, not NaN."""
     num, den = np.broadcast_arrays(np.asarray(num, dtype=np.float64), np.asarray(den, dtype=np.float64))

@@ -12,7 +12,7 @@ from skinbake.scene.mesh import SkinMesh
 LEAST_GUTTER = 2  # texels: bilinear reading meets one
 
 
-def coarser_size(mesh: SkinMesh, size: tuple[int, int], texel_mm: float, smallest: int = 1) -> tuple[int, int]:
+def coarser_size(mesh: SkinMesh, size: tuple[int, int], texel_mm: float) -> tuple[int, int]:
     """Width and height of a texture whose texels are about so wide, a whole number of the full one's.
 
     Parameters
@@ -21,11 +21,9 @@ def coarser_size(mesh: SkinMesh, size: tuple[int, int], texel_mm: float, smalles
     size : (width, height)
         Of the full texture, the largest that comes back.
     texel_mm : float
-    smallest : int
-        Texels of the shorter side at least, if the full one has so many.
     """
     full_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
-    coarse = max(1, min(round(texel_mm / max(full_mm, 1e-6)), min(size) // smallest))
+    coarse = max(1, min(round(texel_mm / max(full_mm, 1e-6)), min(size)))
     return max(1, -(-size[0] // coarse)), max(1, -(-size[1] // coarse))
 
 

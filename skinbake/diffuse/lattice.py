@@ -15,20 +15,19 @@ _FIRST_BITS, _LAST_BITS = (int(np.float32(t).view(np.int32)) for t in (2.0**-36,
 _STEP_BITS = 23 - 7
 
 
-def discrete_gaussian(t: float, tail: float = TAIL) -> Float:
+def discrete_gaussian(t: float) -> Float:
     """T(n; t) = exp(-t) I_n(t) for n = 0 ... R: positive, symmetric, sum 1, variance t; theory.md 5.6.
 
     Parameters
     ----------
     t : float
         Variance in texels squared, >= 0; 0 is the identity.
-    tail : float
-        Mass outside +-R, put back by renormalising.
 
     Returns
     -------
     ndarray of shape (R + 1,)
-        Half kernel: entry n is the weight at +n and at -n.
+        Half kernel: entry n is the weight at +n and at -n; the mass beyond R, at most `TAIL`, is put back by
+        renormalising.
 
     Raises
     ------
@@ -41,7 +40,7 @@ def discrete_gaussian(t: float, tail: float = TAIL) -> Float:
     """
     if not t >= 0:
         raise ValueError(f"discrete_gaussian: expected a variance >= 0, got {t}")
-    return _trimmed(_bessel_half(float(t), int(np.ceil(7 * np.sqrt(t) + 9))), tail) if t > 0 else np.ones(1)
+    return _trimmed(_bessel_half(float(t), int(np.ceil(7 * np.sqrt(t) + 9)))) if t > 0 else np.ones(1)
 
 
 def _bessel_half(t: float, count: int) -> Float:
@@ -57,29 +56,12 @@ def _bessel_half(t: float, count: int) -> Float:
     return np.multiply.accumulate(found)
 
 
-def sampled_gaussian(t: float, offset: float = 0.0, tail: float = TAIL) -> tuple[int, Float]:
-    """Gaussian of variance t sampled at `first + k - offset`, normalised; wants t >= 0.6 (theory.md 5.6).
-
-    Parameters
-    ----------
-    t : float
-        Variance in steps of the grid, squared.
-    offset : float
-        Middle of the Gaussian.
-    tail : float
-        Mass that is left out.
-
-    Returns
-    -------
-    first : int
-        Grid position of the first weight.
-    weights : ndarray
-    """
-    reach = _reach(t, tail)
-    first = int(np.floor(offset - reach))
-    n = np.arange(first, int(np.ceil(offset + reach)) + 1)
-    weights = np.exp(-((n - offset) ** 2) / (2 * t))
-    return first, weights / weights.sum()
+def sampled_gaussian(t: float) -> Float:
+    """Gaussian of variance t in steps of the grid, sampled at -R ... R, normalised; wants t >= 0.6 (theory.md 5.6)."""
+    reach = int(np.ceil(np.sqrt(-2 * t * np.log(TAIL))))
+    n = np.arange(-reach, reach + 1)
+    weights = np.exp(-(n**2) / (2 * t))
+    return weights / weights.sum()
 
 
 def residual_kernel(t: float, t_fourth: float) -> Float:
@@ -88,13 +70,13 @@ def residual_kernel(t: float, t_fourth: float) -> Float:
     The discrete Gaussian of variance s has fourth cumulant s, a sampled one (t >= 0.6) has none: convolving both
     reaches any value between. So a coarse level reproduces the kernel that the fine level would have used.
     """
-    discrete = discrete_gaussian(min(max(t_fourth, 0.0), t - 0.6))
+    of_discrete = min(max(t_fourth, 0.0), t - 0.6)
+    discrete, sampled = discrete_gaussian(of_discrete), sampled_gaussian(t - of_discrete)
     full = np.concatenate([discrete[:0:-1], discrete])
-    _, sampled = sampled_gaussian(t - min(max(t_fourth, 0.0), t - 0.6))
     # By Fourier transform: direct sums would take minutes for the widest lobes
     length = len(full) + len(sampled) - 1
     both = np.maximum(np.fft.irfft(np.fft.rfft(full, length) * np.fft.rfft(sampled, length), length), 0)
-    return _trimmed(both[len(both) // 2 :], TAIL)
+    return _trimmed(both[len(both) // 2 :])
 
 
 @kernel
@@ -159,14 +141,10 @@ def lattice_table() -> tuple[Float, Float]:
     return np.interp(log_t, log_variance, parameter), np.interp(log_t, log_variance, total)
 
 
-def _reach(t: float, tail: float) -> float:
-    return float(np.sqrt(-2 * t * np.log(tail)))
-
-
-def _trimmed(half: Float, tail: float) -> NDArray[np.float64]:
-    """Drop the far end that holds less than `tail`, then make the whole kernel sum to 1."""
+def _trimmed(half: Float) -> NDArray[np.float64]:
+    """Drop the far end that holds less than `TAIL`, then make the whole kernel sum to 1."""
     total = 2 * half.sum() - half[0]
     beyond = 2 * np.cumsum(half[::-1])[::-1] / total  # mass at and beyond +-n
-    keep = max(1, int(np.count_nonzero(beyond >= tail)))
+    keep = max(1, int(np.count_nonzero(beyond >= TAIL)))
     half = half[:keep]
     return half / (2 * half.sum() - half[0])

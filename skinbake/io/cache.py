@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +32,6 @@ ORPHANED_S = 3600.0  # a temporary file this old has no writer any more
 CONTENTS = "skinbake.contents"  # beside the arrays of an entry: what they are
 _NAME = re.compile(r"[0-9a-f]{62}\.npz")
 _TEMPORARY = re.compile(r"\.[0-9a-f]{62}\.\d+\.part\.npz")
-
-
-class Store(Protocol):
-    """A place that may already hold results of stages."""
-
-    def get_many(
-        self, keys: Mapping[str, str], make: Callable[[tuple[str, ...]], Mapping[str, Entry]]
-    ) -> dict[str, Entry]:
-        """Entries by name, those not there made by `make(names)`."""
 
 
 @dataclass

@@ -13,7 +13,6 @@ from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.spec import SceneSpec
 
 MAP_CHANNELS = {"albedo": 3, "normal": 3, "detail": 3}  # all others: 1
-SKY_BYTES = 12  # a texel of radiance, float32
 
 
 def image_bytes(path: Path | str, channels: int) -> int:

@@ -11,7 +11,7 @@ LIMIT_BYTES = GIB
 
 
 class MemoryCache:
-    """A `Store` without files; what was asked for longest ago is dropped once it holds more than its limit.
+    """A `Cache` without files; what was asked for longest ago is dropped once it holds more than its limit.
 
     Parameters
     ----------

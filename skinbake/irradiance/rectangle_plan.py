@@ -20,7 +20,7 @@ from skinbake.irradiance.rectangle import CHUNK, Points, open_shares, panel_of
 from skinbake.irradiance.surface import scattered_faces, scattered_origins
 from skinbake.numerics import Float, norm_of_all, safe_div
 from skinbake.profile import GaussianSum
-from skinbake.profile.gaussian_measures import noise_left
+from skinbake.profile.noise_left import noise_left
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import RectangleLight
 from skinbake.scene.mesh import SkinMesh

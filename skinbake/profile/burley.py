@@ -11,8 +11,6 @@ from skinbake.numerics import Float
 
 PathKind = Literal["searchlight", "diffuse", "surface"]
 
-SMALLEST_U = 2.0**-24  # a radius of about 49 d; u = 0 would be infinite
-
 
 def burley_reflectance(d_mm: Float, albedo: Float, radius_mm: Float) -> Float:
     """R(r) of theory.md 8.1, mm^-2, shape (C, N). It has no value at r = 0; store `burley_disc_mean` there.
@@ -63,18 +61,6 @@ def burley_hankel(d_mm: Float, albedo: Float, s_per_mm: Float) -> Float:
     """
     x = np.asarray(d_mm)[:, None] * s_per_mm[None, :]
     return np.asarray(albedo)[:, None] / 4 * (1 / np.hypot(1, x) + 3 / np.hypot(1, 3 * x))
-
-
-def burley_radius(d_mm: ArrayLike, share: ArrayLike) -> Float:
-    """Radius, mm, within which `share` of the light leaves: the analytic inverse of the CDF, theory.md 8.3.
-
-    References
-    ----------
-    [Golubev2018]
-    """
-    u = np.maximum(1 - np.asarray(share, dtype=np.float64), SMALLEST_U)
-    root = np.cbrt(1 + 4 * u * (2 * u + np.sqrt(1 + 4 * u * u)))
-    return 3 * np.asarray(d_mm) * np.log((1 + root + 1 / root) / (4 * u))
 
 
 def burley_shape(albedo: ArrayLike, kind: PathKind = "searchlight") -> Float:

@@ -30,26 +30,6 @@ def dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Flo
     return medium.albedo[:, None] / (4 * np.pi) * total
 
 
-def log_dipole_reflectance(medium: Medium, boundary: float, radius_mm: Float) -> Float:
-    """ln R(r) of the dipole, finite where R itself underflows, shape (C, N); theory.md 2.4.
-
-    Parameters
-    ----------
-    medium : Medium
-    boundary : float
-        Boundary factor A of the face.
-    radius_mm : ndarray of shape (N,)
-    """
-    sigma_tr = medium.sigma_tr_per_mm[:, None]
-    terms = []
-    for depth in _source_heights(medium, boundary):
-        distance = np.hypot(radius_mm[None, :], depth[:, None])
-        terms.append(
-            np.log(depth)[:, None] + np.log1p(sigma_tr * distance) - sigma_tr * distance - 3 * np.log(distance)
-        )
-    return np.log(medium.albedo / (4 * np.pi))[:, None] + np.logaddexp(*terms)
-
-
 def dipole_total(medium: Medium, boundary: float) -> Float:
     """Total reflectance R_d of the dipole, shape (C,), for the boundary factor A; theory.md 2.2."""
     real, mirrored = _source_heights(medium, boundary)

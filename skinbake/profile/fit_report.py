@@ -101,12 +101,12 @@ class FitReport:
         return safe_div(off.max(axis=0), peak), curve.radius_mm[off.argmax(axis=0)]
 
 
-def curve_radii(gaussians: GaussianSum, count: int = CURVE_POINTS) -> Float:
-    """Geometric radii, mm, shape (count,), that show every Gaussian."""
+def curve_radii(gaussians: GaussianSum) -> Float:
+    """Geometric radii, mm, shape (CURVE_POINTS,), that show every Gaussian."""
     v = gaussians.variance_mm2[gaussians.variance_mm2 > 0]
     if v.size == 0:
-        return np.geomspace(0.01, 10, count)
-    return np.geomspace(np.sqrt(v[0]) / 20, np.sqrt(v[-1]) * 5, count)
+        return np.geomspace(0.01, 10, CURVE_POINTS)
+    return np.geomspace(np.sqrt(v[0]) / 20, np.sqrt(v[-1]) * 5, CURVE_POINTS)
 
 
 def error_against(gaussians: GaussianSum, nodes: FitNodes) -> tuple[Float, Float, Float]:

@@ -20,7 +20,6 @@ from skinbake.scene.skin import PhysiologySkin, SkinSpec
 
 NODES = {1: (33, 1), 2: (13, 7)}  # of a table, by its number of axes
 SEARCHED = {1: 5, 2: 2}  # nodes of an axis that variances are searched for; weights are found at all
-NodesOf = Callable[[Mapping[str, float]], FitNodes]
 
 
 class TableFitter:

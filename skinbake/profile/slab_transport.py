@@ -16,6 +16,7 @@ from skinbake.numerics import Float, monotone_cubic
 from skinbake.profile.fresnel import reflectance_from_inside
 from skinbake.profile.medium import Medium
 
+COSINES = 17  # of incidence
 GAUSS = 16  # directions on either side of the critical angle
 THINNEST = 1e-5  # free paths of the layers that doubling begins with
 LADDERS = 3  # sequences of thicknesses, each doubled: their union is in steps of the cube root of 2
@@ -54,7 +55,7 @@ def diffuse_mean(cosine: Float, values: Float) -> Float:
     return np.tensordot(weight, values, axes=1)
 
 
-def slab_transport(medium: Medium, eta: float, thickness_mm: Float, nodes: int = 17, g: float = 0.0) -> SlabTransport:
+def slab_transport(medium: Medium, eta: float, thickness_mm: Float, g: float = 0.0) -> SlabTransport:
     """Solve transport in slabs of one medium.
 
     Parameters
@@ -64,8 +65,6 @@ def slab_transport(medium: Medium, eta: float, thickness_mm: Float, nodes: int =
         Index inside over that of the outside, on both sides; >= 1.
     thickness_mm : ndarray of shape (K,)
         Ascending, above 0.
-    nodes : int
-        Cosines of incidence.
     g : float
         Henyey-Greenstein mean cosine; sigma_s = sigma_s' / (1 - g).
 
@@ -83,14 +82,14 @@ def slab_transport(medium: Medium, eta: float, thickness_mm: Float, nodes: int =
     thickness_mm = np.asarray(thickness_mm, np.float64)
     if np.any(thickness_mm <= 0) or np.any(np.diff(thickness_mm) <= 0):
         raise ValueError("thickness_mm: expected ascending numbers above 0")
-    outside = np.linspace(0, 1, nodes)
+    outside = np.linspace(0, 1, COSINES)
     streams = _streams(eta, outside)
-    through = np.empty((len(thickness_mm), nodes, len(medium.albedo)))
-    back = np.empty((nodes, len(medium.albedo)))
+    through = np.empty((len(thickness_mm), COSINES, len(medium.albedo)))
+    back = np.empty((COSINES, len(medium.albedo)))
     for c, (absorbed, reduced) in enumerate(zip(medium.sigma_a_per_mm, medium.sigma_sp_per_mm, strict=True)):
         scattered = reduced / (1 - g)
         extinction = absorbed + scattered
-        depth, found, back[:, c] = _ladders(streams, scattered / extinction, g, nodes, extinction * thickness_mm)
+        depth, found, back[:, c] = _ladders(streams, scattered / extinction, g, extinction * thickness_mm)
         # Between the thicknesses in the logarithm of both, where transmittance is nearly straight
         logarithm = np.log(np.maximum(found, 1e-300))
         through[:, :, c] = np.exp(monotone_cubic(np.log(depth), logarithm, np.log(extinction * thickness_mm)))
@@ -135,10 +134,10 @@ def _phase(mu: Float, g: float) -> tuple[Float, Float]:
     return same, (polynomial * moment * (-1.0) ** degree) @ polynomial.T
 
 
-def _ladders(streams: _Streams, albedo: float, g: float, nodes: int, wanted: Float) -> tuple[Float, Float, Float]:
-    """Optical depths (J,) around the wanted ones, what comes through at each (J, nodes), and R of a half-space."""
+def _ladders(streams: _Streams, albedo: float, g: float, wanted: Float) -> tuple[Float, Float, Float]:
+    """Optical depths (J,) around the wanted ones, what comes through at each (J, COSINES), and R of a half-space."""
     found: dict[float, NDArray[np.float64]] = {}
-    back = np.zeros(nodes)
+    back = np.zeros(COSINES)
     first = np.log2(wanted[0] / THINNEST) - 1  # doublings after which slabs are wanted
     last = np.log2(wanted[-1] / THINNEST)
     for ladder in range(LADDERS):
@@ -147,8 +146,8 @@ def _ladders(streams: _Streams, albedo: float, g: float, nodes: int, wanted: Flo
         for doubling in range(MOST_DOUBLINGS):
             if doubling >= first:
                 through, sent_back = _with_faces(streams, reflect, transmit)
-                found[depth] = through[-nodes:]
-                back = sent_back[-nodes:] if ladder == 0 else back
+                found[depth] = through[-COSINES:]
+                back = sent_back[-COSINES:] if ladder == 0 else back
             if doubling > last + 1 and (ladder > 0 or found[depth].max() < VANISHED):
                 break
             inner = np.linalg.solve(np.eye(len(reflect)) - reflect @ reflect, transmit)

@@ -9,7 +9,7 @@ from skinbake.numerics import Float
 WAVELENGTH_NM = np.arange(380.0, 781.0, 10.0)
 
 # CIE standard illuminant D65, relative power every 10 nm from 380 to 780 nm [CIE15]
-_D65 = np.array(
+D65 = np.array(
     [
         49.9755,
         54.6482,
@@ -86,17 +86,11 @@ def colour_matching(wavelength_nm: Float) -> Float:
     return np.stack([x, y, z])
 
 
-def white_xyz() -> Float:
-    """XYZ of a perfect white reflector under D65, Y = 1, shape (3,)."""
-    xyz = colour_matching(WAVELENGTH_NM) @ _D65
-    return xyz / xyz[1]
-
-
 def reflectance_to_rgb() -> Float:
     """Matrix of shape (3, 41) from reflectance at WAVELENGTH_NM under D65 to linear Rec.709.
 
     Each row sums to 1, so that a white reflector is (1, 1, 1) whatever the last digits of the fitted functions. Deep
     red is outside Rec.709: green and blue of light that went far through blood may come out slightly negative.
     """
-    rgb = _RGB_OF_XYZ @ (colour_matching(WAVELENGTH_NM) * _D65)
+    rgb = _RGB_OF_XYZ @ (colour_matching(WAVELENGTH_NM) * D65)
     return rgb / rgb.sum(axis=1, keepdims=True)

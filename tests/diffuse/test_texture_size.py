@@ -14,9 +14,10 @@ from skinbake.diffuse.planning import texture_size
 from skinbake.diffuse.planning.texture_size import (
     EDGES_PER_MM,
     SHARE,
+    LitPatches,
     at_size,
     choose_size,
-    detail_lost,
+    coarser_sizes,
     may_be_reduced,
 )
 from skinbake.io.config import parse_scene
@@ -46,6 +47,12 @@ def look(tolerance=0.05, **more):
         "output": {"dir": "out"},
     } | more
     return parse_scene(raw, lambda key, text: f"{key}: {text}")
+
+
+def detail_lost(spec, mesh, maps, gaussians):
+    """What each of the coarser sizes loses."""
+    patches = LitPatches(spec, mesh, maps, gaussians)
+    return [patches.lost(share) for share in coarser_sizes(spec.texture.size)]
 
 
 def speckled(contrast, seed=0):

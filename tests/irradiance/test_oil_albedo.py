@@ -15,8 +15,9 @@ from skinbake.irradiance.oil_albedo import (
     specular_albedo_table,
     transmitted_share,
 )
-from skinbake.irradiance.oil_layer import ENERGY_TRUE_STRENGTH, kelemen_brdf
+from skinbake.irradiance.oil_layer import ENERGY_TRUE_STRENGTH
 from skinbake.scene.spec import SecondLobeSpec, SpecularSpec
+from tests.oil_brdf import kelemen_brdf
 
 VECTORS = Path(__file__).parents[2].parent / "shared" / "test_vectors.json"
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skinbake.irradiance.oil_layer import beckmann, fresnel_dielectric, fresnel_schlick, kelemen_brdf
+from tests.oil_brdf import beckmann, fresnel_dielectric, fresnel_schlick, kelemen_brdf
 
 VECTORS = Path(__file__).parents[2].parent / "shared" / "test_vectors.json"
 UP = np.array([0.0, 0.0, 1.0])

@@ -4,10 +4,10 @@ import numpy as np
 
 from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.oil_albedo import specular_albedo
-from skinbake.irradiance.oil_layer import kelemen_brdf
 from skinbake.numerics import normalized, safe_div
 from skinbake.preview.normal_levels import normal_levels
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, RectangleLight, SpotLight
+from tests.oil_brdf import kelemen_brdf
 
 
 def bilinear(image, uv):

@@ -7,7 +7,6 @@ import pytest
 
 from skinbake.errors import InputError, MachineError
 from skinbake.irradiance.bump_terminator import bump_terminator
-from skinbake.irradiance.oil_layer import kelemen_brdf
 from skinbake.numerics import normalized
 from skinbake.preview import textures
 from skinbake.preview.camera import view
@@ -19,6 +18,7 @@ from skinbake.preview.target import STRIP
 from skinbake.scene.lights import DirectionalLight, PointLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SecondLobeSpec, SpecularSpec, TexturingSpec
+from tests.oil_brdf import kelemen_brdf
 from tests.preview.reference import shade
 from tests.preview.scenes import LIGHTS, scene, varying_scene
 from tests.shapes import quad

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from skinbake.irradiance.oil_albedo import specular_albedo
-from skinbake.irradiance.oil_layer import kelemen_brdf
 from skinbake.preview.camera import Camera
 from skinbake.preview.controls import Controls, overlay, press
 from skinbake.preview.draw import OffscreenRenderer
@@ -21,6 +20,7 @@ from skinbake.relight.relit import light_coefficients
 from skinbake.relight.skies import made_sky, sky_names
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SpecularSpec, TexturingSpec
+from tests.oil_brdf import kelemen_brdf
 from tests.shapes import quad
 
 STUDIO = made_sky("studio")

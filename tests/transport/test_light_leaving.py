@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numba import njit
 
-from skinbake.irradiance.oil_layer import fresnel_dielectric
 from skinbake.profile.chandrasekhar import half_space_diffuse_reflectance, half_space_reflectance
 from skinbake.profile.layers import Layer
 from skinbake.profile.medium import Medium
@@ -15,6 +14,7 @@ from skinbake.profile.transport import trace_layers
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, PointLight, RectangleLight
 from skinbake.transport.light_leaving import ESTIMATES, light_leaving
 from skinbake.transport.medium import TransportMedium
+from tests.oil_brdf import fresnel_dielectric
 from tests.shapes import joined, sphere
 from tests.transport.solids import box, on_top, rays_of
 

@@ -82,7 +82,7 @@ def choose_size(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
     asked, tolerance = spec.texture.size, spec.diffusion.tolerance
     if not may_be_reduced(spec):
         return TextureSize(asked)
-    patches, size, loss, told = _LitPatches(spec, mesh, maps, gaussians), asked, 0.0, dict[Fraction, str]()
+    patches, size, loss, told = LitPatches(spec, mesh, maps, gaussians), asked, 0.0, dict[Fraction, str]()
     left = list(coarser_sizes(asked).items())
     while left:  # from the middle on: a coarser size loses more, and a finer one less
         share, coarser = left[len(left) // 2]
@@ -108,8 +108,8 @@ def at_size(spec: SceneSpec, size: TextureSize) -> SceneSpec:
     return spec.model_copy(update={"texture": spec.texture.model_copy(update={"size": size.size, "reduce": "off"})})
 
 
-def detail_lost(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: GaussianSum) -> list[float]:
-    """Estimated share, rms, of the light leaving the skin that each of `coarser_sizes` loses: theory.md 5.13.
+class LitPatches:
+    """Light that leaves patches of the skin, traced and blurred at any size: theory.md 5.13. Images are (S, S, K, 3).
 
     Patches of the texture are drawn by skin area. On each, at the asked size and at the coarser one, albedo and
     normals are averaged over texels, lit from a slant, blurred by the lobes as a lattice blurs and read bilinearly; so
@@ -123,12 +123,6 @@ def detail_lost(spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: Gaus
     maps : SkinMaps
     gaussians : GaussianSum
     """
-    patches = _LitPatches(spec, mesh, maps, gaussians)
-    return [patches.lost(share) for share in coarser_sizes(spec.texture.size)]
-
-
-class _LitPatches:
-    """Light that leaves patches of the skin, traced and blurred at any size; images are (S, S, K, 3)."""
 
     def __init__(self, spec: SceneSpec, mesh: SkinMesh, maps: SkinMaps, gaussians: GaussianSum) -> None:
         rng = np.random.default_rng([spec.output.seed, 5])
