@@ -109,7 +109,8 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
     Raises
     ------
     InputError
-        The mesh is open, or the skin has no medium that light could be followed through.
+        The mesh is open, something but skin casts shadows, or the skin has no medium that light could be followed
+        through.
     """
     look, progress = bare_look(spec), Progress(verbosity > 0)
     varies = [name for name in WALKED if getattr(look.maps, name) is not None]
@@ -118,6 +119,7 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
     with progress.task("reading the mesh"):
         scene = read_scene(look, rays=False)
         refuse_open(scene.mesh, look.mesh.path)
+        _refuse_casters(look, scene.mesh)
         rays = SurfaceRays(smooth_surface(scene.mesh))
         grid, changes = None, None
         quantities: tuple[str, ...] = ()
@@ -203,6 +205,23 @@ def measure_truth(spec: SceneSpec, points: int, walks: int, terms: bool, verbosi
         if (bake / MANIFEST).is_file() and transport_digest(read_manifest(bake)) == model["of"]:
             _put_model(bake, model)
     return truth
+
+
+def _refuse_casters(look: SceneSpec, mesh: SkinMesh) -> None:
+    """Stop where something other than skin shadows it: the bake would be darker than walks that do not meet it.
+
+    Raises
+    ------
+    InputError
+        The mesh has casters; the message says how many triangles, and under which keys.
+    """
+    if mesh.casters is None:
+        return
+    raise InputError(
+        f"{look.mesh.path}: truth: expected skin alone, got {len(mesh.casters.faces)} triangles that only cast "
+        "shadows, which walks do not meet; put such parts under mesh.ignore and leave occluders out "
+        "(--set occluders=[]), in a folder of its own (--out)"
+    )
 
 
 def _described(skin: SkinLayers) -> dict[str, Any]:

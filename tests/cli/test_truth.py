@@ -167,6 +167,15 @@ def test_an_open_mesh_is_refused_with_its_name(look, capsys):
     assert not (look.parent / "out").exists()
 
 
+def test_what_shadows_the_skin_is_refused(look, capsys):
+    """A bake is dark under a hat that no walk meets."""
+    write_obj(look.parent / "hat.obj", quad(z_mm=40.0))
+    assert run(["truth", str(look), "--quiet", f"--set=occluders=[{{path: {look.parent}/hat.obj, unit: mm}}]"]) == 2
+    said = capsys.readouterr().err
+    assert "ball.obj: truth: expected skin alone, got 2 triangles that only cast shadows" in said
+    assert not (look.parent / "out").exists()
+
+
 def test_the_model_s_error_stays_with_its_lobes(look, capsys):
     """A bake of the same look says it again, whatever its stages did; one of another skin does not know it."""
     run(["truth", str(look), "--points", "2", "--walks", "16", "--quiet", "--no-terms"])
