@@ -14,7 +14,7 @@ import numpy as np
 from skinbake.atlas import Atlas
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.diffuse import diffuse
-from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
+from skinbake.diffuse.diffuse_map import DiffuseMap
 from skinbake.diffuse.light_entering import EnteredSkin, LightEntering, albedo_of, light_entering
 from skinbake.diffuse.memoize import Kind, Make, Values
 from skinbake.diffuse.memory import check_memory, disk_needed_bytes
@@ -25,8 +25,14 @@ from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.diffuse_profile import HELD
 from skinbake.diffuse.terms.even_share import hold_back, part_even_light
 from skinbake.diffuse.terms.skin_view import SkinView
-from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts, slabs_of
-from skinbake.diffuse.terms.transmission import TransmittedLight, transmit, transmitted_lobe
+from skinbake.diffuse.terms.thin_parts import ThinParts, TranslucentSkin
+from skinbake.diffuse.terms.transmission import (
+    TransmissionSwitch,
+    TransmittedLight,
+    plainly_dark,
+    transmit,
+    transmitted_lobe,
+)
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
@@ -41,7 +47,6 @@ from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
 from skinbake.scene.skin import SkinSpec
 from skinbake.scene.spec import SceneSpec
 
-PLAIN = 0.8  # of what may be left out of light through thin parts: few texels come within 0.04 of what all say
 LIKELY_LOBES = 6  # before the profile is fitted
 # (kind of result, digest of each light by name, how to make those of some names) -> values by name
 Remember = Callable[[Kind, Mapping[str, str], Make], Mapping[str, Values]]
@@ -106,7 +111,7 @@ def scatter(
     return_freed()
     known = partial(_by_digest, remember, entering.digests()) if remember else None
     curved = entering.curved
-    texture, terms, budget = spec.texture, spec.terms, decisions.budget
+    budget = decisions.budget
     bends = None if curved is None or curved.spreads_beams_alone else curved  # what it changes is not rounded before
     diffused = diffuse(
         entering.rgb,
@@ -125,45 +130,33 @@ def scatter(
         aside=aside._replace(lobe=IN_MEMORY.lobe) if bends else aside,
         everywhere=entering.everywhere,
     )
-    mean_albedo, plan = entering.mean_albedo, entering.plan
-    skin_light = entering.skin_light
+    plan, skin_light = entering.plan, entering.skin_light
     through_by = {name: _transmitted(spec, entering.slanted, name) for name in entering.names}
-    share, arrived = uniform_scatter(gaussians, spec.skin), None
     # What each light's terms have left, the blur's error taken as measured
     blur = diffused.error.rms if diffused.error else of_blur.tolerance
     spent = left_wrong((*before, *plan), lights, blur)
     limit = sqrt(max(budget.tolerance**2 - spent**2, 0.0))
     tell("light through thin parts")
-    of_skin = scene.mesh, gaussians, texture.size, texture.gutter, texture.udim, mean_albedo
-    of_medium = skin_medium(spec.skin), share
-    found = thin is not None
-    slabs = None if found or terms.transmission == "off" else slabs_of(gaussians, mean_albedo, *of_medium)
-    look_behind = partial(ThinParts.of, *of_skin, scene.occluder, *of_medium, curved=curved, slabs=slabs)
+    through_skin = TranslucentSkin(
+        scene.mesh, scene.occluder, spec.texture, gaussians, entering.mean_albedo, skin_medium(spec.skin),
+        uniform_scatter(gaussians, spec.skin), curved,
+    )  # fmt: skip
     times = entering.everywhere and entering.everywhere.times(entering.rgb)
-    pass_through = partial(
-        transmit,
-        diffused,
-        *of_skin,
-        terms.transmission,
-        spec.diffusion.tolerance,
-        limit=limit,
-        lights=through_by,
-        scatter=share,
-        rest=aside.rest,
-        times=times,
-    )
-    line = None if found else plainly_dark(terms.transmission, pass_through, look_behind)
-    if line is None and terms.transmission != "off":
-        thin = thin or look_behind()
-        arrived = SmallLight.of(entering.rgb, thin) if skin_light else None
+    switch = TransmissionSwitch(spec.terms.transmission, spec.diffusion.tolerance, limit)
+    pass_through = partial(transmit, diffused, lights=through_by, rest=aside.rest, times=times)
+    found = Decision("transmission", True, "found to be worth it") if thin else None
+    line = found or plainly_dark(through_skin, switch, pass_through)
+    if line is None:
+        thin = ThinParts.of(through_skin)
+    arrived = SmallLight.of(entering.rgb, thin) if thin and skin_light else None
     even_rgb, everywhere = entering.even_rgb, entering.everywhere and entering.everywhere._replace(rgb={})
     del entering
     through = None
-    if found and thin is not None:
-        through = transmitted_lobe(diffused, scene.mesh, texture.udim, thin, through_by, share, aside.rest, times)
-        line = Decision("transmission", True, "found to be worth it")
-    elif line is None:
-        through, line = pass_through(thin=thin)
+    if line is None:
+        assert thin is not None
+        through, line = pass_through(thin=thin, switch=switch)
+    elif thin is not None:
+        through = transmitted_lobe(diffused, thin, through_by, aside.rest, times)
     straight, small_blur = None, None
     otherwise = [False] * len(diffused.lights) if times is None else [bool((each != 1).any()) for each in times]
     if through is not None and thin is not None:
@@ -173,7 +166,7 @@ def scatter(
         enters = [even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
         weights = SkinWeights.of(gaussians, scene.maps)
         even = small_blur.of_even_light() if small_blur and any(otherwise) else None
-        straight, kept = part_even_light(diffused, thin, bends, enters, weights, share, times, even)
+        straight, kept = part_even_light(diffused, thin, bends, enters, weights, times, even)
         hold_back(through, thin, kept)
     thin = None  # its rays take more memory than a lobe
     return_freed()
@@ -196,25 +189,6 @@ def scatter(
         tolerance_met=met,
         advice="" if met else diffused.advice or too_much((*before, *plan), left, budget.tolerance),
     )
-
-
-def plainly_dark(
-    switch: str, pass_through: Callable[..., tuple[Lobe | None, Decision]], look_behind: Callable[..., ThinParts]
-) -> Decision | None:
-    """The plan's line on light through thin parts, where few texels tell that `auto` is far from taking it.
-
-    Parameters
-    ----------
-    switch : "auto", "on" or "off"
-    pass_through : callable
-        `transmit`, but for `thin` and `margin`.
-    look_behind : callable
-        `ThinParts.of`, but for `texel_mm`.
-    """
-    if switch != "auto":
-        return None
-    _, line = pass_through(thin=look_behind(texel_mm=FEW_MM), margin=PLAIN)
-    return None if line.enabled else line
 
 
 def _by_digest(remember: Remember, digests: Mapping[str, str], kind: Kind, names: tuple[str, ...], make: Make) -> Any:

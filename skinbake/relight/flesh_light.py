@@ -21,7 +21,6 @@ from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.terms.transmission import along_rays, carried_already
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
@@ -58,31 +57,23 @@ class FleshLight:
     ----------
     diffused : DiffuseMap
         By the plan of all lights that will come.
-    mesh : SkinMesh
-    udim : bool
     thin : ThinParts
     kept : sequence of ndarray of shape (1, n, 3), optional
         By tile, as `kept_through` gives it.
     """
 
-    def __init__(
-        self,
-        diffused: DiffuseMap,
-        mesh: SkinMesh,
-        udim: bool,
-        thin: ThinParts,
-        kept: Sequence[Image] | None = None,
-    ) -> None:
+    def __init__(self, diffused: DiffuseMap, thin: ThinParts, kept: Sequence[Image] | None = None) -> None:
         self._read = thin.lobe_read([lobe.variance_mm2 for lobe in diffused.lobes])
         self._variance_mm2 = float(thin.gaussians.variance_mm2[-1])
         shapes = {tile: image.shape[1:3] for tile, image in diffused.lobes[self._read].rgb.items()}
         begins = dict(zip(shapes, np.cumsum([0, *(h * w for h, w in shapes.values())]), strict=False))
-        of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
+        mesh, self._scatter = thin.skin.mesh, thin.skin.scatter
+        of_face = tile_of_face(mesh) if thin.skin.texture.udim else np.full(len(mesh.faces), FIRST_TILE)
         ray_share = rays_inwards()[1].astype(np.float32)
         among = np.zeros(sum(h * w for h, w in shapes.values()), np.bool_)
         found = []
         for number, (raster, rows, cols, far) in enumerate(thin.tiles):
-            factor = factors_of_lights(thin.weights, far, [(None, True)], thin.centre_mm)[0]
+            factor = factors_of_lights(thin.weights, far, [(None, True)], thin.skin.occluder.centre_mm)[0]
             weight = np.maximum(along_rays(thin, far) * factor - carried_already(diffused, thin, far), 0)
             weight *= np.tile(ray_share, len(rows))[:, None]
             if kept is not None:
@@ -106,15 +97,8 @@ class FleshLight:
             for tile, begin in begins.items()
         }
 
-    def lobe(self, diffused: DiffuseMap, scatter: float) -> Lobe:
-        """Light that comes through, as `transmitted_lobe` gives it.
-
-        Parameters
-        ----------
-        diffused : DiffuseMap
-        scatter : float
-            Weight of the lobe.
-        """
+    def lobe(self, diffused: DiffuseMap) -> Lobe:
+        """Light that comes through, as `transmitted_lobe` gives it."""
         lights, stored = len(diffused.lights), diffused.lobes[self._read].rgb
         groups = -(-lights // SIDE_BY_SIDE)
         values = np.zeros((sum(map(len, self._met.values())), 3 * groups, SIDE_BY_SIDE), np.float32)
@@ -128,7 +112,7 @@ class FleshLight:
             image = np.zeros((lights, *of.raster.shape, 3), np.float32)
             parallel_for(_bring, len(of.rows), values, (of.weight, of.place, of.share), (of.rows, of.cols), image)
             rgb[of.raster.tile] = image
-        return Lobe(self._variance_mm2, (scatter, scatter, scatter), None, rgb)
+        return Lobe(self._variance_mm2, (self._scatter, self._scatter, self._scatter), None, rgb)
 
 
 @kernel

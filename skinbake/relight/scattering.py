@@ -21,7 +21,6 @@ from skinbake.diffuse.methods import LobePlan, method_asked_for
 from skinbake.diffuse.planning.auto import plan_auto
 from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
-from skinbake.diffuse.scatter import plainly_dark
 from skinbake.diffuse.skin_geometry import SkinGeometry
 from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
 from skinbake.diffuse.small_blur import SmallBlur
@@ -30,8 +29,8 @@ from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.even_share import hold_back, part_even_light
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
 from skinbake.diffuse.terms.skin_view import SkinView
-from skinbake.diffuse.terms.thin_parts import ThinParts, slabs_of
-from skinbake.diffuse.terms.transmission import transmit
+from skinbake.diffuse.terms.thin_parts import ThinParts, TranslucentSkin
+from skinbake.diffuse.terms.transmission import TransmissionSwitch, plainly_dark, transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
@@ -211,37 +210,33 @@ class Scattering:
 
     def _transmitted(self, diffused: DiffuseMap, first: bool) -> Lobe | None:
         """Light through thin parts, where that is worth it."""
-        spec, scene, texture = self._spec, self._scene, self._spec.texture
-        scatter = uniform_scatter(self._gaussians, spec.skin)
+        spec, scene = self._spec, self._scene
         if first and self.thin is None:
-            laid_out = texture.size, texture.gutter, texture.udim
-            of_skin = scene.mesh, self._gaussians, *laid_out, self._mean_albedo
+            skin = TranslucentSkin(
+                scene.mesh, scene.occluder, spec.texture, self._gaussians, self._mean_albedo, self._medium,
+                uniform_scatter(self._gaussians, spec.skin), self._curved,
+            )  # fmt: skip
             assert spec.relight is not None
             # What shows beside what the textures leave wrong
-            tolerance, switch = max(spec.diffusion.tolerance, spec.relight.tolerance), spec.terms.transmission
-            of_medium = self._medium, scatter
-            slabs = None if switch == "off" else slabs_of(self._gaussians, self._mean_albedo, *of_medium)
-            look_behind = partial(ThinParts.of, *of_skin, scene.occluder, *of_medium, curved=self._curved, slabs=slabs)
-            pass_through = partial(
-                transmit, diffused, *of_skin, switch, tolerance, limit=self._terms_left(), scatter=scatter
-            )
-            line, thin, lobe = plainly_dark(switch, pass_through, look_behind), None, None
+            tolerance = max(spec.diffusion.tolerance, spec.relight.tolerance)
+            switch = TransmissionSwitch(spec.terms.transmission, tolerance, self._terms_left())
+            line, thin, lobe = plainly_dark(skin, switch, partial(transmit, diffused)), None, None
             if line is None:
-                thin = look_behind() if switch != "off" else None
-                lobe, line = pass_through(thin=thin)
+                thin = ThinParts.of(skin)
+                lobe, line = transmit(diffused, thin, switch)
             self.lines.append(Decision("relight.transmission", line.enabled, line.why, line.error))
             self.thin = thin if lobe else None
             if lobe and thin:
                 enters = [self._even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
-                even = part_even_light(diffused, thin, self._curved, enters, self._weights, scatter)
+                even = part_even_light(diffused, thin, self._curved, enters, self._weights)
                 self._straight, self._kept = even
                 hold_back(lobe, thin, self._kept)
             return lobe
         if self.thin is None:
             return None
         if self._flesh_light is None:
-            self._flesh_light = FleshLight(diffused, scene.mesh, texture.udim, self.thin, self._kept)
-        return self._flesh_light.lobe(diffused, scatter)
+            self._flesh_light = FleshLight(diffused, self.thin, self._kept)
+        return self._flesh_light.lobe(diffused)
 
     def _sent_on(
         self, through: Lobe, lobes: tuple[Lobe, ...], light: Tiles, names: tuple[str, ...], left: Tiles

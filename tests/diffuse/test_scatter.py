@@ -7,7 +7,7 @@ import pytest
 
 from skinbake.atlas import rasterize
 from skinbake.diffuse.scatter import ThinParts, scatter
-from skinbake.diffuse.terms.thin_parts import FEW_MM
+from skinbake.diffuse.terms.thin_parts import FEW_MM, TEXEL_MM
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.light_skin import light_skin
 from skinbake.irradiance.scene_data import SceneData
@@ -22,15 +22,15 @@ SUN = {"name": "sun", "type": "directional", "direction": [0.3, 0, 1], "irradian
 
 @pytest.mark.parametrize(
     ("thickness_mm", "switch", "looks"),
-    [(39.0, "auto", [FEW_MM]), (2.0, "auto", [FEW_MM, None]), (39.0, "on", [None]), (2.0, "off", [])],
+    [(39.0, "auto", [FEW_MM]), (2.0, "auto", [FEW_MM, TEXEL_MM]), (39.0, "on", [TEXEL_MM]), (2.0, "off", [])],
 )
 def test_thin_parts_are_looked_for_in_full_only_where_a_few_texels_find_some(monkeypatch, thickness_mm, switch, looks):
     """A slab lit from below: thick and dark, it is looked through at a few texels; thin, at all of them, too."""
     asked, whole = [], ThinParts.of
 
-    def of(*skin, texel_mm=None, curved=None, slabs=None):
+    def of(skin, texel_mm=TEXEL_MM):
         asked.append(texel_mm)
-        return whole(*skin) if texel_mm is None else whole(*skin, texel_mm=texel_mm)
+        return whole(skin, texel_mm)
 
     monkeypatch.setattr(ThinParts, "of", of)
     mesh, size = slab_mesh(thickness_mm), (66, 30)
@@ -45,5 +45,5 @@ def test_thin_parts_are_looked_for_in_full_only_where_a_few_texels_find_some(mon
     made = scatter(spec, decisions, scene, atlas, arrived, skin, MEDIUM, None)
     assert asked == looks
     (line,) = (line for line in made.plan if line.term == "transmission")
-    assert line.enabled == (looks[-1:] == [None])
+    assert line.enabled == (looks[-1:] == [TEXEL_MM])
     assert len(made.lobes) == 2 + line.enabled

@@ -7,11 +7,12 @@ from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.small_blur import SmallBlur
 from skinbake.diffuse.terms.bounced_light import SkinLight
 from skinbake.diffuse.terms.skin_view import look_around
-from skinbake.diffuse.terms.thin_parts import ThinParts
+from skinbake.diffuse.terms.thin_parts import ThinParts, TranslucentSkin
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
+from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
 from tests.diffuse.test_interreflection import SIZE, plates
@@ -27,14 +28,15 @@ def found(through, blurred, arrived, mode="pre-scatter"):
     occluder = Occluder(mesh)
     spec = SceneSpec.model_validate(
         {
-            "mesh": {"path": "m.obj", "unit": "mm"}, "texture": {"size": list(SIZE)}, "texturing": {"mode": mode},
+            "mesh": {"path": "m.obj", "unit": "mm"}, "texture": {"size": list(SIZE), "gutter": 4},
+            "texturing": {"mode": mode},
             "skin": {"model": "burley", "mean_free_path_mm": 1, "albedo_rgb": 0.5}, "output": {"dir": "out"},
             "tolerance": 1e-4,
             "lights": [{"name": "sun", "type": "directional", "direction": [0, 0, 1], "irradiance": [1, 1, 1]}],
         }
     )  # fmt: skip
     gaussians = GaussianSum(np.ones(1), WEIGHT[None], np.zeros(3), WEIGHT)
-    thin = ThinParts.of(mesh, gaussians, SIZE, 4, False, ALBEDO, occluder)
+    thin = ThinParts.of(TranslucentSkin(mesh, occluder, spec.texture, gaussians, ALBEDO, SkinMedium()))
     (tile,) = thin.tiles
     height, width = tile.raster.shape
 

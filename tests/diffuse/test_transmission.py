@@ -11,8 +11,8 @@ from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.terms.far_side import far_side
 from skinbake.diffuse.terms.slab_weights import SlabWeights, fit_slabs, slab_weights
-from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts
-from skinbake.diffuse.terms.transmission import TransmittedLight, transmit
+from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts, TranslucentSkin
+from skinbake.diffuse.terms.transmission import TransmissionSwitch, TransmittedLight, transmit
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.occluder import Occluder
 from skinbake.profile import GaussianSum
@@ -27,14 +27,22 @@ from skinbake.profile.slab_transport import diffuse_mean, slab_transport
 from skinbake.scene.lights import DirectionalLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import TextureSpec
 from tests.shapes import joined, quad, sphere
 
 WIDE = np.array([0.02, 0.1, 0.5, 2.0, 8.0])
+ON = TransmissionSwitch("on", 0.01)
 
 
 def gaussians(weight_rgb=None, energy=1.0, variance=WIDE):
     weight = np.full((len(variance), 3), 1 / len(variance)) if weight_rgb is None else weight_rgb
     return GaussianSum(variance, weight, np.zeros(3), np.full(3, energy))
+
+
+def translucent(mesh, profile, size, medium=None, udim=False, scatter=1.0) -> TranslucentSkin:
+    """Skin of albedo 0.5."""
+    texture = TextureSpec(size=size, gutter=4, udim=udim)
+    return TranslucentSkin(mesh, Occluder(mesh), texture, profile, np.full(3, 0.5), medium or SkinMedium(), scatter)
 
 
 def at(weights: SlabWeights, thickness_mm: float, channel=0, factor=1.0) -> float:
@@ -129,8 +137,11 @@ def test_a_slab_takes_the_light_once(method):
         replace(lobe, rgb={1001: lobe.rgb[1001] * of.astype(np.float32)})
         for lobe, of in zip(diffused.lobes, times[0], strict=True)
     ]
-    skin = mesh, profile, size, 4, False, np.array([0.5] * 3), "on", 0.01
-    once, same = transmit(diffused, *skin)[0], transmit(replace(diffused, lobes=tuple(more)), *skin, times=times)[0]
+    thin = ThinParts.of(translucent(mesh, profile, size))
+    once, same = (
+        transmit(diffused, thin, ON)[0],
+        transmit(replace(diffused, lobes=tuple(more)), thin, ON, times=times)[0],
+    )
     through = np.exp(-9 / (2 * profile.variance_mm2[:, None]))
     carried = through / (1 + through) * profile.weight_rgb if method == "surface" else 0  # of a sum over both sides
     place = (1001, (0, size[1] // 2, int(0.775 * size[0])))
@@ -143,7 +154,7 @@ def test_a_lit_slab_glows_with_its_transmittance(method):
     """The dark side of a 3 mm slab gets T(3 mm) of the light below, less what a surface lobe already carries."""
     profile, mesh, size = gaussians(energy=0.5), slab_mesh(3.0), (90, 40)
     _, diffused = lit_below(mesh, profile, size, method=method)
-    lobe, plan = transmit(diffused, mesh, profile, size, 4, False, np.array([0.5] * 3), "on", 0.01)
+    lobe, plan = transmit(diffused, ThinParts.of(translucent(mesh, profile, size)), ON)
     assert plan.enabled
     weights = slab_weights(profile, np.full(3, 0.5))
     expected = at(weights, 3.0)
@@ -223,10 +234,8 @@ def test_light_from_behind_comes_through_by_its_slant(degrees, counted):
     pairs = zip(profile.variance_mm2, profile.weight_rgb, strict=True)
     rgb = (lit.rgb * enters).astype(np.float32)
     lobes = tuple(Lobe(float(v), tuple(w), "texture", {1001: rgb}) for v, w in pairs)
-    lobe, _ = transmit(
-        DiffuseMap(("sun",), lobes, None), mesh, profile, size, 4, False, np.array([0.5] * 3), "on", 0.01, None,
-        SkinMedium((Layer(medium, np.inf, 1.4),)), lights={"sun": TransmittedLight(light, counted)},
-    )  # fmt: skip
+    thin = ThinParts.of(translucent(mesh, profile, size, SkinMedium((Layer(medium, np.inf, 1.4),))))
+    lobe, _ = transmit(DiffuseMap(("sun",), lobes, None), thin, ON, {"sun": TransmittedLight(light, counted)})
     height, width = lobe.rgb[1001].shape[1:3]
     expected = at_slant(slab.through[0]) * np.cos(angle) * np.array([3.0, 2.0, 1.0])
     np.testing.assert_allclose(lobe.rgb[1001][0, height // 2, int(0.775 * width)], expected, rtol=0.04)
@@ -251,28 +260,29 @@ def test_far_side_of_a_sphere_is_its_antipode():
 
 
 def test_auto_leaves_out_what_is_too_thick():
-    """A slab of 40 mm transmits nothing worth a file; `off` does not even look."""
+    """A slab of 40 mm transmits nothing worth a file, one of 2 mm does."""
     profile, mesh, size = gaussians(energy=0.5), slab_mesh(39.0), (60, 30)
     _, diffused = lit_below(mesh, profile, size)
-    lobe, plan = transmit(diffused, mesh, profile, size, 4, False, np.array([0.5] * 3), "auto", 0.01)
+    auto = TransmissionSwitch("auto", 0.01)
+    lobe, plan = transmit(diffused, ThinParts.of(translucent(mesh, profile, size)), auto)
     assert lobe is None
     assert not plan.enabled
     assert "%" in plan.why
-    assert transmit(diffused, mesh, profile, size, 4, False, np.array([0.5] * 3), "off", 0.01)[0] is None
     _, diffused = lit_below(slab_mesh(2.0), profile, size)
-    assert transmit(diffused, slab_mesh(2.0), profile, size, 4, False, np.array([0.5] * 3), "auto", 0.01)[1].enabled
+    assert transmit(diffused, ThinParts.of(translucent(slab_mesh(2.0), profile, size)), auto)[1].enabled
 
 
 def test_a_few_texels_say_what_comes_through_as_all_do():
     """Behind a sixteenth of the texels there is as much light as behind all; half of the limit leaves out no more."""
     profile, mesh, size = gaussians(energy=0.5), slab_mesh(6.0), (240, 120)
     _, diffused = lit_below(mesh, profile, size)
-    skin = mesh, profile, size, 4, False, np.array([0.5] * 3)
-    all_of_it, few = ThinParts.of(*skin), ThinParts.of(*skin, texel_mm=FEW_MM)
+    skin, auto = translucent(mesh, profile, size), TransmissionSwitch("auto", 9.0)
+    all_of_it, few = ThinParts.of(skin), ThinParts.of(skin, FEW_MM)
     assert few.tiles[0].raster.shape < all_of_it.tiles[0].raster.shape
-    whole, guess = (transmit(diffused, *skin, "auto", 9.0, thin=thin)[1].error for thin in (all_of_it, few))
+    whole, guess = (transmit(diffused, thin, auto)[1].error for thin in (all_of_it, few))
     assert guess == pytest.approx(whole, rel=0.05)
-    kept = [transmit(diffused, *skin, "auto", 9.0, limit=1.5 * whole, thin=few, margin=m)[1].enabled for m in (1, 0.5)]
+    limited = auto._replace(limit=1.5 * whole)
+    kept = [transmit(diffused, few, limited, margin=margin)[1].enabled for margin in (1, 0.5)]
     assert kept == [False, True]
 
 

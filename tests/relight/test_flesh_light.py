@@ -9,7 +9,7 @@ from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.diffuse.terms.transmission import transmitted_lobe
 from skinbake.relight.flesh_light import SIDE_BY_SIDE, FleshLight
 from skinbake.scene.mesh import SkinMesh
-from tests.diffuse.test_transmission import gaussians, slab_mesh
+from tests.diffuse.test_transmission import gaussians, slab_mesh, translucent
 
 SIZE = (120, 60)
 
@@ -31,10 +31,10 @@ def blurred(lights, tiles, method):
 def test_it_is_what_comes_through(lights, method):
     """Of any number of lights, and where the lobes carry light through the flesh themselves."""
     mesh, profile = slab_mesh(2.0), gaussians(energy=0.5)
-    thin = ThinParts.of(mesh, profile, SIZE, 4, False, np.full(3, 0.5))
+    thin = ThinParts.of(translucent(mesh, profile, SIZE, scatter=0.9))
     first, later = blurred(1, (1001,), method), blurred(lights, (1001,), method)
-    made = FleshLight(first, mesh, False, thin).lobe(later, 0.9)
-    asked = transmitted_lobe(later, mesh, False, thin, scatter=0.9)
+    made = FleshLight(first, thin).lobe(later)
+    asked = transmitted_lobe(later, thin)
     assert asked.rgb[1001].max() > 0.1
     np.testing.assert_allclose(made.rgb[1001], asked.rgb[1001], rtol=1e-5, atol=1e-6)
     assert (made.variance_mm2, made.weight_rgb) == (asked.variance_mm2, asked.weight_rgb)
@@ -46,9 +46,9 @@ def test_rays_come_out_on_another_tile():
     uv = slab.corner_uv.copy()
     uv[uv[..., 0].mean(axis=1) > 0.5, :, 0] += 0.5
     mesh = SkinMesh(slab.positions_mm, slab.faces, uv, slab.corner_normal)
-    thin = ThinParts.of(mesh, profile, SIZE, 4, True, np.full(3, 0.5))
+    thin = ThinParts.of(translucent(mesh, profile, SIZE, udim=True))
     light = blurred(2, (1001, 1002), "texture")
-    made, asked = FleshLight(light, mesh, True, thin).lobe(light, 1.0), transmitted_lobe(light, mesh, True, thin)
+    made, asked = FleshLight(light, thin).lobe(light), transmitted_lobe(light, thin)
     assert set(made.rgb) == {1001, 1002}
     for tile, image in asked.rgb.items():
         assert image.max() > 0.1
@@ -58,13 +58,13 @@ def test_rays_come_out_on_another_tile():
 def test_what_is_held_back_of_a_texel_is_held_back_of_all_its_rays():
     """Some texels keep a part of one channel."""
     mesh, profile = slab_mesh(2.0), gaussians(energy=0.5)
-    thin = ThinParts.of(mesh, profile, SIZE, 4, False, np.full(3, 0.5))
+    thin = ThinParts.of(translucent(mesh, profile, SIZE))
     light, (tile,) = blurred(3, (1001,), "texture"), thin.tiles
     kept = np.ones((1, len(tile.rows), 3), np.float32)
     kept[0, ::2, 1] = 0.25
-    made = FleshLight(light, mesh, False, thin, [kept]).lobe(light, 1.0)
-    asked = transmitted_lobe(light, mesh, False, thin)
+    made = FleshLight(light, thin, [kept]).lobe(light)
+    asked = transmitted_lobe(light, thin)
     hold_back(asked, thin, [kept])
     np.testing.assert_allclose(made.rgb[1001], asked.rgb[1001], rtol=1e-5, atol=1e-6)
-    of_all = FleshLight(light, mesh, False, thin).lobe(light, 1.0).rgb[1001]
+    of_all = FleshLight(light, thin).lobe(light).rgb[1001]
     assert not np.allclose(of_all[..., 1], made.rgb[1001][..., 1])

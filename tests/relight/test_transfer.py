@@ -47,9 +47,9 @@ def test_terms_are_prepared_once_and_share_the_tolerance(baked, monkeypatch):
     calls = []
     once = scattering.ThinParts.of
 
-    def of(*args, texel_mm=TEXEL_MM, **more):
+    def of(skin, texel_mm=TEXEL_MM):
         calls.append(texel_mm)
-        return once(*args, texel_mm=texel_mm, **more)
+        return once(skin, texel_mm)
 
     monkeypatch.setattr(scattering.ThinParts, "of", of)
     looks, look = [], transfer.seen_skin

@@ -48,7 +48,6 @@ def part_even_light(
     curved: CurvedSkin | None,
     enters: Sequence[Image],
     weights: SkinWeights,
-    scatter: float,
     times: Float | None = None,
     even: Sequence[Lobe] | None = None,
 ) -> EvenShare:
@@ -61,11 +60,11 @@ def part_even_light(
     thin : ThinParts
     curved : CurvedSkin, optional
         Where it changes lobes.
-    enters, weights, scatter, times, even
+    enters, weights, times, even
         As of `kept_through`.
     """
     of_gain = even_share(diffused, thin, curved) if curved else None
-    return EvenShare(of_gain, kept_through(diffused, thin, enters, weights, scatter, curved, of_gain, times, even))
+    return EvenShare(of_gain, kept_through(diffused, thin, enters, weights, curved, of_gain, times, even))
 
 
 def even_share(diffused: DiffuseMap, thin: ThinParts, curved: CurvedSkin) -> dict[int, Image]:
@@ -104,7 +103,6 @@ def kept_through(
     thin: ThinParts,
     enters: Sequence[Image],
     weights: SkinWeights,
-    scatter: float,
     curved: CurvedSkin | None = None,
     of_gain: Mapping[int, Image] | None = None,
     times: Float | None = None,
@@ -124,8 +122,6 @@ def kept_through(
         Of its tiles: what is blurred of even light of 1, its incidence and the albedo.
     weights : SkinWeights
         Of the lobes.
-    scatter : float
-        Weight of transmitted light.
     curved : CurvedSkin, optional
         Where it changes lobes.
     of_gain : mapping of int to ndarray of shape (h, w, 3), optional
@@ -145,7 +141,7 @@ def kept_through(
         for with_profile in set(otherwise):
             back = _sent_back(diffused.lobes, weights, raster, curved, gain, even if with_profile else None)
             back = np.broadcast_to(back, (*raster.shape, 3))[rows, cols]
-            room[with_profile] = np.maximum(1 / np.maximum(light, LEAST) - back, 0) / max(scatter, LEAST)
+            room[with_profile] = np.maximum(1 / np.maximum(light, LEAST) - back, 0) / max(thin.skin.scatter, LEAST)
         kept = np.ones((len(otherwise), len(rows), 3), np.float32)
         for some, there in in_parts(len(rows), far):
             along = along_rays(thin, there)

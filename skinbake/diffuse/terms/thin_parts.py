@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.mesh import SkinMesh
+from skinbake.scene.spec import TextureSpec
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
@@ -48,71 +50,102 @@ class ThinTile(NamedTuple):
     far: FarSide
 
 
+@dataclass(frozen=True, eq=False)
+class TranslucentSkin:
+    """Skin that light may come through: what lies behind its texels depends on this alone.
+
+    Attributes
+    ----------
+    mesh : SkinMesh
+    occluder : Occluder
+        The mesh's.
+    texture : TextureSpec
+    gaussians : GaussianSum
+    albedo_rgb : ndarray of shape (3,)
+        Mean albedo of the skin, which stands for the reflectance where the profile knows none (energy 1).
+    medium : SkinMedium
+        What it is made of.
+    scatter : float
+        Share of the light that scatters: the weight of transmitted light.
+    curved : CurvedSkin, optional
+        Where curvature is counted: round skin holds more of the light that arrives.
+    """
+
+    mesh: SkinMesh
+    occluder: Occluder
+    texture: TextureSpec
+    gaussians: GaussianSum
+    albedo_rgb: Float
+    medium: SkinMedium
+    scatter: float = 1.0
+    curved: CurvedSkin | None = None
+
+    @cached_property
+    def slabs(self) -> tuple[SlabWeights, GaussianSum]:
+        """What slabs of it let through, and the Gaussians of what scatters in them."""
+        gaussians = self.gaussians
+        reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, self.albedo_rgb)
+        if not (self.scatter < 1 or (gaussians.table is not None and gaussians.table.scatters)):
+            return slab_weights(gaussians, reflectance, self.medium), gaussians
+        # Of light that entered: the first Gaussian, of no width, never did
+        scattered = gaussians.weight_rgb[1:]
+        whole = safe_div(scattered, scattered.sum(axis=0)) * gaussians.weight_rgb.sum(axis=0)
+        inside = replace(gaussians, variance_mm2=gaussians.variance_mm2[1:], weight_rgb=whole, table=None)
+        slab = slab_weights(inside, reflectance, self.medium)
+        none = np.zeros((1, 3))
+        return slab, replace(gaussians, weight_rgb=np.concatenate([none, whole]))
+
+
 class ThinParts(NamedTuple):
     """What lies behind each texel: traced once, good for any light.
 
     Attributes
     ----------
-    weights : SlabWeights
-    gaussians : GaussianSum
-        Of what scatters.
+    skin : TranslucentSkin
     tiles : tuple of ThinTile
-    centre_mm : ndarray of shape (3,)
-        About which the points of `tiles` lie.
+        Its points lie about `skin.occluder.centre_mm`.
     """
 
-    weights: SlabWeights
-    gaussians: GaussianSum
+    skin: TranslucentSkin
     tiles: tuple[ThinTile, ...]
-    centre_mm: Float
 
     @classmethod
-    def of(
-        cls,
-        mesh: SkinMesh,
-        gaussians: GaussianSum,
-        size: tuple[int, int],
-        gutter: int,
-        udim: bool,
-        albedo_rgb: Float,
-        occluder: Occluder | None = None,
-        medium: SkinMedium | None = None,
-        scatter: float = 1.0,
-        texel_mm: float = TEXEL_MM,
-        curved: CurvedSkin | None = None,
-        slabs: tuple[SlabWeights, GaussianSum] | None = None,
-    ) -> ThinParts:
+    def of(cls, skin: TranslucentSkin, texel_mm: float = TEXEL_MM) -> ThinParts:
         """Trace inwards from the texels of a texture.
 
         Parameters
         ----------
-        mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter
-            As of `transmit`.
+        skin : TranslucentSkin
         texel_mm : float
             Of the texels that are looked behind, about.
-        curved : CurvedSkin, optional
-            Where curvature is counted: round skin holds more of the light that arrives.
-        slabs : tuple of SlabWeights and GaussianSum, optional
-            What `slabs_of` made of the same skin: good for texels of any size.
         """
-        weights, gaussians = slabs or slabs_of(gaussians, albedo_rgb, medium, scatter)
-        full_mm = float(np.median(face_mm_per_texel(mesh, size).max(axis=1)))
+        mesh, texture = skin.mesh, skin.texture
+        full_mm = float(np.median(face_mm_per_texel(mesh, texture.size).max(axis=1)))
         coarse = 1 << transmitted_level(full_mm, texel_mm)
-        small = (max(1, size[0] // coarse), max(1, size[1] // coarse))
-        occluder = occluder or Occluder(mesh)
+        small = (max(1, texture.size[0] // coarse), max(1, texture.size[1] // coarse))
         tiles = []
-        for raster in coarser_atlas(mesh, size, gutter, udim, small):
+        for raster in coarser_atlas(mesh, texture.size, texture.gutter, texture.udim, small):
             band = max(1, _AT_ONCE // raster.shape[1])
             found = [
-                _look_behind(raster, first, band, mesh, occluder, weights)
+                _look_behind(raster, first, band, mesh, skin.occluder, skin.slabs[0])
                 for first in range(0, len(raster.coverage), band)
             ]
             rows, cols, *far = (np.concatenate(part) for part in zip(*found, strict=True))
             behind = FarSide(*far)
-            if curved:
-                behind = behind._replace(held=curved.held(mesh, udim, behind.face, behind.uv))
+            if skin.curved:
+                behind = behind._replace(held=skin.curved.held(mesh, texture.udim, behind.face, behind.uv))
             tiles.append(ThinTile(raster, rows, cols, behind))
-        return cls(weights, gaussians, tuple(tiles), occluder.centre_mm)
+        return cls(skin, tuple(tiles))
+
+    @property
+    def weights(self) -> SlabWeights:
+        """What slabs of the skin let through."""
+        return self.skin.slabs[0]
+
+    @property
+    def gaussians(self) -> GaussianSum:
+        """The Gaussians of what scatters."""
+        return self.skin.slabs[1]
 
     def lobe_read(self, variance_mm2: Sequence[float]) -> int:
         """Which of lobes of ascending variances light is read from where rays come out.
@@ -150,28 +183,6 @@ def _look_behind(
     near = near[lit]
     far = far_side(occluder, mesh, point[near], normal[near], rays_inwards()[0])
     return rows[near], cols[near], *far[:-1]
-
-
-def slabs_of(
-    gaussians: GaussianSum, albedo_rgb: Float, medium: SkinMedium | None = None, scatter: float = 1.0
-) -> tuple[SlabWeights, GaussianSum]:
-    """What slabs of the skin let through, and the Gaussians of what scatters in them.
-
-    Parameters
-    ----------
-    gaussians, albedo_rgb, medium, scatter
-        As of `transmit`.
-    """
-    reflectance = np.where(gaussians.energy_rgb < 0.98, gaussians.energy_rgb, albedo_rgb)
-    if not (scatter < 1 or (gaussians.table is not None and gaussians.table.scatters)):
-        return slab_weights(gaussians, reflectance, medium), gaussians
-    # Of light that entered: the first Gaussian, of no width, never did
-    scattered = gaussians.weight_rgb[1:]
-    whole = safe_div(scattered, scattered.sum(axis=0)) * gaussians.weight_rgb.sum(axis=0)
-    inside = replace(gaussians, variance_mm2=gaussians.variance_mm2[1:], weight_rgb=whole, table=None)
-    slab = slab_weights(inside, reflectance, medium)
-    none = np.zeros((1, 3))
-    return slab, replace(gaussians, weight_rgb=np.concatenate([none, whole]))
 
 
 def transmitted_level(full_mm: float, texel_mm: float = TEXEL_MM) -> int:

@@ -29,22 +29,19 @@ from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.terms.far_side import FarSide, factors_of_lights, in_parts
 from skinbake.diffuse.terms.flesh_rays import gathered, through_along
-from skinbake.diffuse.terms.thin_parts import ThinParts, read_weights
+from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts, TranslucentSkin, read_weights
 from skinbake.diffuse.terms.thin_worth import SEEN_SHARE, contribution
-from skinbake.irradiance.occluder import Occluder
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import on_threads, parallel_for
 from skinbake.numerics import Float
-from skinbake.profile import GaussianSum
-from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.lights import LightSpec
-from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 STEEPEST = 0.1  # least cosine at which a ray leaves, of what the lobes carry themselves
 SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
 WORTH = 5.0  # tolerances of the mean radiance that part must reach
+PLAIN = 0.8  # of what may be left out: few texels come within 0.04 of what all say
 
 
 class TransmittedLight(NamedTuple):
@@ -62,25 +59,52 @@ class TransmittedLight(NamedTuple):
     counted: bool
 
 
+class TransmissionSwitch(NamedTuple):
+    """Whether transmitted light is wanted.
+
+    Attributes
+    ----------
+    terms : "auto", "on" or "off"
+        What the look says (`terms.transmission`).
+    tolerance : float
+        `auto` keeps the term when the brightest `SEEN_SHARE` of the skin gets `WORTH` tolerances of the mean light.
+    limit : float
+        Root mean square that may be left out; `auto` keeps the term above it, too.
+    """
+
+    terms: str
+    tolerance: float
+    limit: float = np.inf
+
+
+def plainly_dark(
+    skin: TranslucentSkin, switch: TransmissionSwitch, pass_through: Callable[..., tuple[Lobe | None, Decision]]
+) -> Decision | None:
+    """The plan's line where that is plain: the look says `off`, or few texels tell that `auto` is far from taking it.
+
+    Parameters
+    ----------
+    skin : TranslucentSkin
+    switch : TransmissionSwitch
+    pass_through : callable
+        `transmit`, but for `thin`, `switch` and `margin`.
+    """
+    if switch.terms == "off":
+        return Decision("transmission", False, "off")
+    if switch.terms == "on":
+        return None
+    _, line = pass_through(thin=ThinParts.of(skin, FEW_MM), switch=switch, margin=PLAIN)
+    return None if line.enabled else line
+
+
 def transmit(
     diffused: DiffuseMap,
-    mesh: SkinMesh,
-    gaussians: GaussianSum,
-    size: tuple[int, int],
-    gutter: int,
-    udim: bool,
-    albedo_rgb: Float,
-    switch: str,
-    tolerance: float,
-    occluder: Occluder | None = None,
-    medium: SkinMedium | None = None,
-    limit: float = np.inf,
+    thin: ThinParts,
+    switch: TransmissionSwitch,
     lights: Mapping[str, TransmittedLight] | None = None,
-    scatter: float = 1.0,
-    thin: ThinParts | None = None,
     rest: Callable[[], None] = lambda: None,
-    margin: float = 1.0,
     times: Float | None = None,
+    margin: float = 1.0,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe, and the plan's line on it.
 
@@ -89,59 +113,40 @@ def transmit(
     diffused : DiffuseMap
         Blurred irradiance; lobes of the surface methods already count exp(-d^2 / 2v) through the flesh, which is then
         taken off the slab's weight.
-    size : (width, height)
-        Of the texture.
-    albedo_rgb : ndarray of shape (3,)
-        Mean albedo of the skin, which stands for the reflectance where the profile knows none (energy 1).
-    switch : "auto", "on" or "off"
-    tolerance : float
-        `auto` keeps the term when the brightest `SEEN_SHARE` of the skin gets `WORTH` tolerances of the mean light.
-    occluder : Occluder, optional
-        Of the mesh, where somebody has one already.
-    medium : SkinMedium, optional
-        What the skin is made of.
-    limit : float
-        Root mean square that may be left out; `auto` keeps the term above it, too.
+    thin : ThinParts
+        Of the same skin on the same texture.
+    switch : TransmissionSwitch
     lights : mapping of str to TransmittedLight, optional
         By the names in `diffused`; of others light comes from everywhere and counts by its incidence.
-    scatter : float
-        Weight of the lobe: share of the light that scatters.
-    thin : ThinParts, optional
-        What `ThinParts.of` made of the same skin on the same texture.
     rest : callable, optional
         Frees the memory of each lobe that was read.
-    margin : float
-        Of what may be left out: `auto` leaves out no more than this share of it.
     times : ndarray of shape (L, N, 3), optional
         How many times each lobe has the light that came in, of each light, as `EverywhereLight.times`.
+    margin : float
+        Of what may be left out: `auto` leaves out no more than this share of it.
 
     References
     ----------
     [dEon2007], [Donner2005]
     """
-    if switch == "off":
-        return None, Decision("transmission", False, "off")
-    thin = thin or ThinParts.of(mesh, gaussians, size, gutter, udim, albedo_rgb, occluder, medium, scatter)
-    lobe = transmitted_lobe(diffused, mesh, udim, thin, lights, scatter, rest, times)
+    lobe = transmitted_lobe(diffused, thin, lights, rest, times)
     through, reflected = [], []
     for raster, rows, cols, _ in thin.tiles:
         through.append((lobe.rgb[raster.tile][:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
-        reflected.append(_reflected(diffused, mesh, udim, thin.gaussians, raster, rest))
+        reflected.append(_reflected(diffused, thin, raster, rest))
     skin_mm2 = sum(float(each.raster.area_mm2.sum()) for each in thin.tiles)
     rms, peak = contribution(through, reflected, skin_mm2)
-    kept = switch == "on" or peak > margin * WORTH * tolerance or rms > margin * limit
+    shows, limit = WORTH * switch.tolerance, switch.limit
+    kept = switch.terms == "on" or peak > margin * shows or rms > margin * limit
     found = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
-    why = f"{switch}: through thin parts {found}, worth it from {WORTH * tolerance:.1%} (rms {limit:.2%})"
+    why = f"{switch.terms}: through thin parts {found}, worth it from {shows:.1%} (rms {limit:.2%})"
     return lobe if kept else None, Decision("transmission", kept, why, 0.0 if kept else rms)
 
 
 def transmitted_lobe(
     diffused: DiffuseMap,
-    mesh: SkinMesh,
-    udim: bool,
     thin: ThinParts,
     lights: Mapping[str, TransmittedLight] | None = None,
-    scatter: float = 1.0,
     rest: Callable[[], None] = lambda: None,
     times: Float | None = None,
 ) -> Lobe:
@@ -149,16 +154,16 @@ def transmitted_lobe(
 
     Parameters
     ----------
-    diffused, mesh, udim, thin, lights, scatter, rest, times
+    diffused, thin, lights, rest, times
         As of `transmit`.
     """
     of_names = [(lights or {}).get(name, TransmittedLight(None, True)) for name in diffused.lights]
-    rgb = {}
+    rgb, scatter = {}, thin.skin.scatter
     for raster, rows, cols, far in thin.tiles:
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
         for some, there in in_parts(len(rows), far):  # what a ray brings of each light is many times the ray
-            factor = factors_of_lights(thin.weights, there, of_names, thin.centre_mm)
-            image[:, rows[some], cols[some]] = gathered(_across(diffused, mesh, udim, thin, there, factor, rest, times))
+            factor = factors_of_lights(thin.weights, there, of_names, thin.skin.occluder.centre_mm)
+            image[:, rows[some], cols[some]] = gathered(_across(diffused, thin, there, factor, rest, times))
         rgb[raster.tile] = image
     return Lobe(float(thin.gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb)
 
@@ -206,8 +211,6 @@ def along_rays(thin: ThinParts, far: FarSide) -> Image:
 
 def _across(
     diffused: DiffuseMap,
-    mesh: SkinMesh,
-    udim: bool,
     thin: ThinParts,
     far: FarSide,
     factor: list[Image],
@@ -219,8 +222,6 @@ def _across(
     Parameters
     ----------
     diffused : DiffuseMap
-    mesh : SkinMesh
-    udim : bool
     thin : ThinParts
     far : FarSide
     factor : list of L ndarrays of shape (n, 3), float32
@@ -234,7 +235,7 @@ def _across(
         less = [carried_already(diffused, thin, far, of_light) for of_light in times]
     of_rays = _OfLobe(along_rays(thin, far), less, factor)
     read = thin.lobe_read([lobe.variance_mm2 for lobe in diffused.lobes])
-    light = _gather(diffused, mesh, udim, far.face, far.uv, lambda number: of_rays if number == read else None, rest)
+    light = _gather(diffused, thin.skin, far.face, far.uv, lambda number: of_rays if number == read else None, rest)
     if times is not None:  # what rays bring is of the light once
         light /= times[:, read, None].astype(np.float32)
     return np.maximum(light, 0, out=light)
@@ -257,8 +258,7 @@ class _OfLobe(NamedTuple):
 
 def _gather(
     diffused: DiffuseMap,
-    mesh: SkinMesh,
-    udim: bool,
+    skin: TranslucentSkin,
     face: Index,
     uv: Float,
     of_lobe: Callable[[int], _OfLobe | None],
@@ -269,8 +269,7 @@ def _gather(
     Parameters
     ----------
     diffused : DiffuseMap
-    mesh : SkinMesh
-    udim : bool
+    skin : TranslucentSkin
     face : ndarray of shape (n,)
     uv : ndarray of shape (n, 2)
     of_lobe : callable
@@ -279,6 +278,7 @@ def _gather(
         As in `transmit`.
     """
     out = np.zeros((len(diffused.lights), len(face), 3), np.float32)
+    mesh, udim = skin.mesh, skin.texture.udim
     of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
     places = []
     for tile in tiles_of(mesh, udim):
@@ -371,23 +371,18 @@ def _add_bilinear(first, stop, texels, share, pick, of, out):  # type: ignore[no
 
 
 def _reflected(
-    diffused: DiffuseMap,
-    mesh: SkinMesh,
-    udim: bool,
-    gaussians: GaussianSum,
-    raster: AtlasRaster,
-    rest: Callable[[], None],
+    diffused: DiffuseMap, thin: ThinParts, raster: AtlasRaster, rest: Callable[[], None]
 ) -> tuple[Image, Image]:
     """Light reflected at a sample of texels, all lights and channels, and the areas they stand for."""
     step = max(1, min(raster.shape) // SAMPLED)
     rows, cols = (step * index for index in np.nonzero(raster.covered[::step, ::step]))
-    uv = interpolate(raster, mesh.corner_uv)[rows, cols].astype(np.float64)
-    weight = gaussians.weight_rgb.astype(np.float32)
+    uv = interpolate(raster, thin.skin.mesh.corner_uv)[rows, cols].astype(np.float64)
+    weight = thin.gaussians.weight_rgb.astype(np.float32)
     none, ones = np.zeros((len(rows), 3), np.float32), np.ones((len(rows), 3), np.float32)
     lights = len(diffused.lights)
 
     def of_lobe(number: int) -> _OfLobe:
         return _OfLobe(np.repeat(weight[None, number], len(rows), axis=0), [none] * lights, [ones] * lights)
 
-    light = _gather(diffused, mesh, udim, raster.face_index[rows, cols].astype(np.int64), uv, of_lobe, rest)
+    light = _gather(diffused, thin.skin, raster.face_index[rows, cols].astype(np.int64), uv, of_lobe, rest)
     return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
