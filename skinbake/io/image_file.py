@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.errors import InputError
+from skinbake.io.misread import refuse_misread
 from skinbake.io.radiance_header import read_radiance_header
 from skinbake.io.said_colours import said_colours
 
@@ -140,6 +141,7 @@ def read_stored(
                 found = (found / np.array(said.applied)).astype(np.float32)
             if said.chromaticities:
                 attributes |= {"chromaticities": said.chromaticities}
+        refuse_misread(path, kind, attributes, found)
         attributes |= said_colours(path, kind, attributes)
     pixels = found if chosen == tuple(range(low, high)) else np.ascontiguousarray(found[..., [i - low for i in chosen]])
     alpha = None
@@ -194,21 +196,31 @@ def _layer(path: Path, source: Any, layer: str | None, channel: str | None) -> t
     """Number of the part, and its channels' places by their plain, upper-case names."""
     layers = _layers(source)
     if layer is not None:
-        for found in layers:
-            if found.name == layer or found.name.endswith(f".{layer}"):
-                return found.part, _plain(found.channels)
-        there = ", ".join(found.name for found in layers if found.name) or "none"
-        raise InputError(f"{path}: expected a layer {layer!r}, the file has {there}")
+        named = [found for found in layers if found.name == layer][:1]
+        named = named or [found for found in layers if found.name.endswith(f".{layer}")]
+        if len(named) == 1:
+            return named[0].part, _plain(named[0].channels)
+        there = ", ".join(found.name for found in named or layers if found.name) or "none"
+        expected = f"the whole name of a layer {layer!r}" if named else f"a layer {layer!r}"
+        raise InputError(f"{path}: expected {expected}, the file has {there}")
     first = min(layers, key=lambda found: (found.part, found.prefixed))
     names = _plain(first.channels)
-    if len(layers) > 1 and not (set("RGB") <= set(names) or "Y" in names or (channel or "").upper() in names):
+    wanted = next((each for each in ("RGB", "Y", (channel or "?").upper()) if set(each) <= set(names)), None)
+    alike = [
+        found
+        for found in layers
+        if found.prefixed <= first.prefixed and set(wanted or "") <= set(_plain(found.channels))
+    ]
+    if len(layers) > 1 and (wanted is None or len(alike) > 1):
         there = ", ".join(f"{found.name}.{last}".strip(".") for found in layers for last in found.channels)
-        raise InputError(f"{path}: expected channels R, G, B, the file has {there}; `layer:` chooses among its layers")
+        expected = f"one layer of {', '.join(wanted)}" if wanted else "channels R, G, B"
+        raise InputError(f"{path}: expected {expected}, the file has {there}; `layer:` chooses among its layers")
     return first.part, names
 
 
 def _plain(channels: Mapping[str, int]) -> dict[str, int]:
-    return {LONG.get(name.upper(), name.upper()): i for name, i in channels.items()}
+    plain = {name: LONG.get(name.upper(), name.upper()) for name in channels}
+    return {plain[name]: channels[name] for name in sorted(plain, key=lambda name: name == plain[name])}
 
 
 def _colours(path: Path, names: Mapping[str, int]) -> tuple[int, ...]:

@@ -122,6 +122,33 @@ def test_layers_of_several_parts(tmp_path):
         read_stored(tmp_path / "parts.exr")
 
 
+@pytest.mark.parametrize("in_parts", [True, False])
+def test_one_layer_of_several_is_not_guessed(tmp_path, in_parts):
+    """Of two pictures in one file the first was taken, without a word; the end of a name must be one layer's."""
+    names, path = ("a.light", "b.light"), tmp_path / "two.exr"
+    if in_parts:
+        write_parts(path, [Part(name, {c: FLOAT[..., i] for i, c in enumerate("RGB")}) for name in names], {}, "float")
+    else:
+        save(path, FLOAT[..., :6], oiio.FLOAT, [f"{name}.{c}" for name in names for c in "RGB"])
+    with pytest.raises(
+        InputError, match=r"expected one layer of R, G, B, the file has a\.light\.R, .*`layer:` chooses"
+    ):
+        read_stored(path)
+    with pytest.raises(InputError, match=r"whole name of a layer 'light', the file has a\.light, b\.light"):
+        read_stored(path, layer="light")
+    wanted = FLOAT[..., :3] if in_parts else FLOAT[..., 3:6]
+    np.testing.assert_array_equal(read_stored(path, layer="b.light").pixels, wanted)
+
+
+def test_the_whole_name_of_a_layer_or_channel_goes_before_a_likeness(tmp_path):
+    layers = save(
+        tmp_path / "l.exr", FLOAT[..., :6], oiio.FLOAT, [f"{n}.{c}" for n in ("a.spec", "spec") for c in "RGB"]
+    )
+    np.testing.assert_array_equal(read_stored(layers, layer="spec").pixels, FLOAT[..., 3:6])
+    channels = save(tmp_path / "c.exr", FLOAT[..., :6], oiio.FLOAT, "RGBrgb")
+    np.testing.assert_array_equal(read_stored(channels).pixels, FLOAT[..., :3])
+
+
 def test_a_file_without_colours_lists_what_it_has(tmp_path):
     """Two odd channels."""
     path = save(tmp_path / "odd.exr", FLOAT[..., :2], oiio.FLOAT, ("U", "V"))
