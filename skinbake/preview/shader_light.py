@@ -49,8 +49,9 @@ def shader_lights(lights: Sequence[LightSpec]) -> tuple[ShaderLight, ...]:
 
     Directional, point and spot lights are themselves. A rectangle is four points at the centres of its quarters, each
     with a quarter of its power: good where it is far compared to its size, or the skin rough. An environment is
-    mirrored as if its irradiance at the texel came evenly from everywhere, times the oil's albedo A(N.V, m): exact for
-    a constant environment without shadows, without any picture of the environment otherwise.
+    mirrored as if its irradiance at the texel, with what the bake's oil kept back of it, came evenly from everywhere,
+    times the oil's albedo A(N.V, m): exact for a constant environment without shadows, without any picture of the
+    environment otherwise.
     """
     found = []
     for index, light in enumerate(lights):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from skinbake.irradiance.bump_terminator import bump_terminator
-from skinbake.irradiance.oil_albedo import specular_albedo
+from skinbake.irradiance.oil_albedo import mean_specular_albedo, specular_albedo
 from skinbake.numerics import normalized, safe_div
 from skinbake.preview.normal_levels import normal_levels
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, RectangleLight, SpotLight
@@ -54,7 +54,8 @@ def _shade(scene, tile, position, normal, tangent, uv, level, eye, mode, gains):
         if tile in maps.roughness
         else np.full(len(uv), spec.roughness)
     )
-    m = np.minimum(np.sqrt(np.clip(m, 1e-4, 1) ** 2 + variance), 1)
+    flat_m = np.clip(m, 1e-4, 1)
+    m = np.minimum(np.sqrt(flat_m**2 + variance), 1)
     factor = bilinear(maps.specular[tile][..., None], uv)[:, 0] if tile in maps.specular else 1.0
     rho_s = spec.strength * factor
     albedo = bilinear(maps.albedo[tile], uv) if tile in maps.albedo else np.broadcast_to(maps.albedo_rgb, (len(uv), 3))
@@ -89,9 +90,16 @@ def _shade(scene, tile, position, normal, tangent, uv, level, eye, mode, gains):
         color += exitance / np.pi
 
     if mode.specular:
+        mirrored = reflected
+        if scene.energy_conservation:  # what arrives is what the bake's oil let pass
+            kept = _mean_oil_albedo(flat_m, f0)
+            if spec.second is not None:
+                of_second = _mean_oil_albedo(np.full(len(uv), spec.second.roughness), f0)
+                kept = (1 - spec.second.mix) * kept + spec.second.mix * of_second
+            mirrored = reflected / np.maximum(1 - rho_s * kept, 0.05)[:, None]
         for i, light in enumerate(scene.lights):
             if isinstance(light, EnvironmentLight):
-                color += gains[i] * bilinear(scene.irradiance[tile][i], uv) / np.pi * reflected
+                color += gains[i] * bilinear(scene.irradiance[tile][i], uv) / np.pi * mirrored
                 continue
             seen = bilinear(scene.visibility[tile][i][..., None], uv)[:, 0]
             for to_light, arriving in _arriving(light, position):
@@ -111,6 +119,13 @@ def _shade(scene, tile, position, normal, tangent, uv, level, eye, mode, gains):
 def _oil_albedo(cosine, m, f0):
     """A(c, m), which is linear in f0: between those of f0 = 0 and f0 = 1."""
     none, all_of_it = specular_albedo(cosine, m, 0.0), specular_albedo(cosine, m, 1.0)
+    return none + f0 * (all_of_it - none)
+
+
+def _mean_oil_albedo(m, f0):
+    """The same of a constant sky, at as many roughnesses as there are, linear between 256 of them."""
+    nodes = np.linspace(m.min(), m.max() + 1e-9, 256)
+    none, all_of_it = (np.interp(m, nodes, mean_specular_albedo(nodes, each)) for each in (0.0, 1.0))
     return none + f0 * (all_of_it - none)
 
 

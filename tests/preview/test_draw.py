@@ -7,6 +7,7 @@ import pytest
 
 from skinbake.errors import InputError, MachineError
 from skinbake.irradiance.bump_terminator import bump_terminator
+from skinbake.irradiance.oil_albedo import mean_specular_albedo, specular_albedo
 from skinbake.numerics import normalized
 from skinbake.preview import textures
 from skinbake.preview.camera import view
@@ -229,6 +230,29 @@ def test_a_lambertian_quad_gives_back_its_exitance_over_pi(renderer):
     )
     rgba = draw(plain, view(plain.mesh, "front", 1.0), (21, 21), Mode("diffuse")).rgba
     np.testing.assert_allclose(rgba[10, 10], [0.25 / np.pi, 0.5 / np.pi, 1 / np.pi, 1.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("conserving", [False, True])
+def test_an_even_sky_is_mirrored_as_its_integral(renderer, conserving):
+    """Whether or not the light that arrives in the skin has lost what the oil reflects: the sky is as bright."""
+    spec = SpecularSpec(f0=0.08, roughness=0.4, strength=0.318)
+    sky, passed = 0.3, 1 - spec.strength * float(mean_specular_albedo(spec.roughness, spec.f0))
+    arrives = {1001: np.full((1, 3, 5, 3), np.pi * sky * (passed if conserving else 1), np.float32)}
+    plain = replace(
+        scene(),
+        mesh=quad(60.0, 60.0),
+        lights=tuple(light for light in LIGHTS if light.name == "sky"),
+        lobes=(PreviewLobe(arrives, (1.0, 1.0, 1.0), 0.0),),
+        irradiance=arrives,
+        visibility={1001: np.ones((1, 3, 5), np.float32)},
+        maps=SkinMaps(),
+        specular=spec,
+        energy_conservation=conserving,
+    )
+    rgba = draw(plain, view(plain.mesh, "front", 1.0), (21, 21), Mode("specular")).rgba
+    exact = sky * spec.strength * float(specular_albedo(1.0, spec.roughness, spec.f0))
+    assert passed < 0.93
+    np.testing.assert_allclose(rgba[10, 10, :3], exact, rtol=2e-3)
 
 
 @pytest.mark.parametrize("elevation_deg", [60.0, 20.0, 8.0, 3.0, 0.5, -2.0])

@@ -3,6 +3,7 @@
 // explains are written in by skinbake/preview/renderer.py: constants of the bake, and how many lobes and lights there are.
 
 const float PI = 3.14159265358979;
+const float LEAST_PASSED = 0.05;  // share of a sky's light that passes the oil, below which it counts as this
 const float LOBE_END = 16.0;  // squared slope over m^2, from which on a lobe counts as black
 
 in vec3 frag_position;
@@ -137,6 +138,19 @@ float specular_albedo(float c, float m, float f0_here)
     return f0_here * split.r + split.g;
 }
 
+#ifdef HAS_ENVIRONMENT
+// 2 int A(c, m) c dc over 0 ... 1, theory.md 6.4, by x = sqrt(c) as the table has it: Gauss-Legendre, 4 x^3 in the weights
+float mean_specular_albedo(float m, float f0_here)
+{
+    const vec2 NODES[5] = vec2[5](vec2(0.0469101, 0.0000489), vec2(0.2307653, 0.0117636), vec2(0.5, 0.1422222),
+                                  vec2(0.7692347, 0.4357177), vec2(0.9530899, 0.4102475));
+    float sum = 0.0;
+    for (int i = 0; i < 5; ++i)
+        sum += NODES[i].y * specular_albedo(NODES[i].x * NODES[i].x, m, f0_here);
+    return sum;
+}
+#endif
+
 // A lobe by the variance of the normals that it is seen through
 float widened(float m, float variance)
 {
@@ -210,8 +224,8 @@ void main()
 #endif
     vec3 n = shading_normal(smooth_normal, mapped.xyz);
     vec3 v = normalize(cam_pos - frag_position);
-    float m = clamp(texture(roughness_map, vec3(frag_uv, 0.0)).r, ROUGHNESS_MIN, 1.0);
-    m = widened(m, mapped.w);
+    float flat_m = clamp(texture(roughness_map, vec3(frag_uv, 0.0)).r, ROUGHNESS_MIN, 1.0);
+    float m = widened(flat_m, mapped.w);
     float f0_here = f0;
 #ifdef HAS_F0_MAP
     f0_here = texture(f0_map, vec3(frag_uv, 0.0)).r;
@@ -264,12 +278,18 @@ ADD_GREY_LAYERS
     mat3 seen_sky = mat3(texture(open_sky, vec3(frag_uv, 0.0)).rgb, texture(open_sky, vec3(frag_uv, 1.0)).rgb,
                          texture(open_sky, vec3(frag_uv, 2.0)).rgb);
 #endif
+#ifdef HAS_ENVIRONMENT
+    float mirrored = reflected;
+#ifdef ENERGY_CONSERVATION
+    mirrored /= max(1.0 - rho_s * mean_specular_albedo(flat_m, f0_here), LEAST_PASSED);  // the bake took that off
+#endif
+#endif
     for (int i = 0; i < N_LIGHTS; ++i) {
 #ifdef HAS_ENVIRONMENT
         if (light_kind[i] == ENVIRONMENT) {
             // As if what arrives came evenly from everywhere
             vec3 arriving = texture(irradiance, vec3(frag_uv, light_layer[i])).rgb;
-            color += light_color[i] * arriving / PI * reflected;
+            color += light_color[i] * arriving / PI * mirrored;
             continue;
         }
 #endif
