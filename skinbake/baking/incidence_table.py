@@ -10,8 +10,28 @@ from numpy.typing import NDArray
 from skinbake.io.code_digest import code_digest
 from skinbake.io.digests import key_of
 from skinbake.io.user_cache import user_cache
+from skinbake.profile import GaussianSum
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.profile.incidence import Incidence
 from skinbake.profile.skin_medium import SkinMedium, medium_incidence
+from skinbake.scene.spec import TermsSpec
+
+
+def entered_skin(
+    gaussians: GaussianSum, medium: SkinMedium, terms: TermsSpec, say: Callable[[str], None] = lambda _: None
+) -> EnteredSkin:
+    """A skin as light enters it: with R(mu) where slanted light is to count and the medium is known.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+    medium : SkinMedium
+    terms : TermsSpec
+    say : callable
+        As of `incidence_table`.
+    """
+    slanted = terms.incidence != "off" and medium.layers
+    return EnteredSkin(gaussians, medium, incidence_table(medium, say) if slanted else None)
 
 
 def incidence_table(medium: SkinMedium, say: Callable[[str], None] = lambda _: None) -> Incidence:

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from skinbake.baking.incidence_table import incidence_table
-from skinbake.diffuse.light_entering import EnteredSkin, reference_reflectance
 from skinbake.diffuse.terms.beam import free_path_of
 from skinbake.errors import SkinbakeError
 from skinbake.io.table import read_profile_csv
@@ -24,6 +23,7 @@ from skinbake.numerics import Float
 from skinbake.profile import GaussianSum, fit_skin
 from skinbake.profile.diffuse_shape import diffuse_factors
 from skinbake.profile.effective_medium import one_layer
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.profile.fit_onto import fit_onto
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
 from skinbake.scene.maps import OF_SKIN
@@ -61,19 +61,6 @@ class BlurBase:
         fit, medium = self.gaussians, self.medium
         values = [each.tolist() for each in (fit.variance_mm2, fit.weight_rgb, fit.energy_rgb)]
         return [*values, fit.normalise, medium.identity, medium.why, medium.named]
-
-    def entered(self, directions: bool, slanted: bool) -> EnteredSkin:
-        """The base as light enters it.
-
-        Parameters
-        ----------
-        directions : bool
-            Whether directions of light are known.
-        slanted : bool
-            Whether incidence is counted.
-        """
-        medium = self.medium if directions else SkinMedium(why="the irradiance was given, and with it no directions")
-        return EnteredSkin(self.gaussians, medium, incidence_table(medium) if slanted and medium.layers else None)
 
 
 @dataclass(frozen=True)
@@ -152,7 +139,7 @@ def _other_light(spec: SceneSpec, fit: GaussianSum, base: BlurBase, limit: float
         if bool(medium.layers) != bool(base.medium.layers):
             return f"incidence: {_known(medium, base.look)}"
         if medium.layers:
-            off = slant_difference(_slant(spec, fit, medium), _slant(spec, base.gaussians, base.medium))
+            off = slant_difference(_slant(fit, medium), _slant(base.gaussians, base.medium))
             if off > limit:
                 return _beyond("incidence: slanted light comes back otherwise", off, limit)
     if terms.beam != "off" and not same:
@@ -178,10 +165,10 @@ def _other_light(spec: SceneSpec, fit: GaussianSum, base: BlurBase, limit: float
     return ""
 
 
-def _slant(spec: SceneSpec, gaussians: GaussianSum, medium: SkinMedium) -> Slant:
+def _slant(gaussians: GaussianSum, medium: SkinMedium) -> Slant:
     """What slants make of light in a medium with layers."""
     incidence = incidence_table(medium)
-    return slant_of(incidence, reference_reflectance(spec, gaussians, medium, incidence))
+    return slant_of(incidence, EnteredSkin(gaussians, medium, incidence).reference_rgb)
 
 
 def _known(medium: SkinMedium, look: str) -> str:

@@ -81,7 +81,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
         Probes of another texture size instead.
     """
     from skinbake.atlas.look_atlas import look_atlas
-    from skinbake.baking.incidence_table import incidence_table
+    from skinbake.baking.incidence_table import entered_skin
     from skinbake.diffuse.draw_probes import draw_probes
     from skinbake.diffuse.light_entering import light_entering
     from skinbake.diffuse.memoize import Memoizer
@@ -104,10 +104,9 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     atlas = look_atlas(spec.texture, scene.mesh)
     over = ranges_of(scene.maps, spec.skin, [raster.tile for raster in atlas])
     gaussians = fit_skin(spec.skin, read_profile_csv(path) if path else None, over=over).gaussians
-    decisions, medium = decide(spec), skin_medium(mean_skin(spec.skin, over))
+    decisions, entered = decide(spec), entered_skin(gaussians, skin_medium(mean_skin(spec.skin, over)), spec.terms)
     irradiance = light_skin(spec, decisions, scene, atlas, gaussians=gaussians)
-    incidence = incidence_table(medium) if medium.layers and spec.terms.incidence != "off" else None
-    entering = light_entering(spec, decisions, scene, atlas, irradiance, gaussians, medium, incidence)
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, entered)
     source, of_wide, of_everywhere = (
         {tile: rgb.sum(axis=0, keepdims=True, dtype=np.float32) for tile, rgb in light.rgb.items()} if light else {}
         for light in (entering, entering.beam, entering.everywhere)

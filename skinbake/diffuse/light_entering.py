@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +36,7 @@ from skinbake.irradiance.slant import SkySlant, Slant, apply_slant, decide_incid
 from skinbake.kernels.threads import for_slices
 from skinbake.machine import return_freed
 from skinbake.numerics import Float, Zeros
-from skinbake.profile import GaussianSum
-from skinbake.profile.incidence import Incidence
-from skinbake.profile.skin_medium import SkinMedium
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.scene.budget import Budget, left_wrong
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
 from skinbake.scene.lights import EnvironmentLight, LightSpec
@@ -49,14 +46,6 @@ from skinbake.scene.spec import SceneSpec
 
 Image = NDArray[np.float32]
 _ROWS = 256  # that are summed at a time
-
-
-class EnteredSkin(NamedTuple):
-    """What of a skin the light that enters it knows, as `light_entering` takes it."""
-
-    gaussians: GaussianSum
-    medium: SkinMedium
-    incidence: Incidence | None
 
 
 @dataclass(frozen=True)
@@ -121,9 +110,7 @@ def light_entering(
     scene: SceneData,
     atlas: Atlas,
     irradiance: tuple[IrradianceMap, ...],
-    gaussians: GaussianSum,
-    medium: SkinMedium,
-    incidence: Incidence | None,
+    skin: EnteredSkin,
     aside: Aside = IN_MEMORY,
     view: SkinView | None = None,
 ) -> LightEntering:
@@ -138,18 +125,14 @@ def light_entering(
     atlas : Atlas
     irradiance : tuple of IrradianceMap
         Of the same tiles.
-    gaussians : GaussianSum
-        Its total is what comes back of light along the normal.
-    medium : SkinMedium
-        The skin's, or why nothing is known of it or of the directions of light.
-    incidence : Incidence, optional
-        Of the medium, unless it is not asked for or there is no medium.
+    skin : EnteredSkin
     aside : Aside, optional
         Where large arrays stand while they are not read.
     view : SkinView, optional
         What the skin sees of itself, where somebody has looked around already.
     """
-    slant = slant_of(incidence, reference_reflectance(spec, gaussians, medium, incidence)) if incidence else None
+    gaussians, medium, incidence = skin
+    slant = slant_of(incidence, skin.reference_rgb) if incidence else None
     names = irradiance[0].lights
     skies = {}
     if slant and spec.terms.incidence != "off":
@@ -169,12 +152,12 @@ def light_entering(
     flat = None
     if beams and gaussians.normalise == "white":
         # A white profile has the skin's own form in it: curvature only spreads beams, if a plane would have any shifted
-        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, mean_albedo, None)
+        flat = decide_beams(spec, budget, scene, atlas, irradiance, skin, mean_albedo, None)
         beams = bool(flat[1])
     curved, line = curve_skin(scene.mesh, spec.texture, gaussians, medium, terms.curvature, budget.negligible, beams)
     if flat is None or curved is not None:
         before = flat[0] if flat else ()
-        flat = decide_beams(spec, budget, scene, atlas, irradiance, gaussians, medium, mean_albedo, curved, before)
+        flat = decide_beams(spec, budget, scene, atlas, irradiance, skin, mean_albedo, curved, before)
     shifts, shifted, lines = flat
     if curved and not shifted and curved.spreads_beams_alone:
         curved, line = None, formed_already(terms.curvature)
@@ -302,30 +285,6 @@ def _area_sum(area_mm2: Image, colour: Image) -> Float:
 def _named(spec: SceneSpec, name: str) -> LightSpec:
     """The look's light of a name."""
     return next(of for of in spec.lights if of.name == name)
-
-
-def reference_reflectance(spec: SceneSpec, gaussians: GaussianSum, medium: SkinMedium, incidence: Incidence) -> Float:
-    """Share that a factor of 1 stands for, (3,).
-
-    A white profile is that of light from everywhere: a constant sky stays what it was. Else the profile is of a beam
-    along the normal: of its own medium by what it says itself, so that the light is the medium's, of a medium that is
-    only named by what comes back there.
-
-    Parameters
-    ----------
-    spec : SceneSpec
-    gaussians : GaussianSum
-    medium : SkinMedium
-    incidence : Incidence
-    """
-    if spec.skin.normalise == "white":
-        return incidence.diffuse_rgb
-    return incidence.reflectance_rgb[-1] if medium.named else _total(gaussians).astype(np.float64)
-
-
-def _total(gaussians: GaussianSum) -> Image:
-    """What the profile gives back of light, (3,)."""
-    return gaussians.weight_rgb.sum(axis=0).astype(np.float32)
 
 
 def _decide_incidence(

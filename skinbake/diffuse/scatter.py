@@ -15,7 +15,7 @@ from skinbake.atlas import Atlas
 from skinbake.diffuse.aside import IN_MEMORY, Aside
 from skinbake.diffuse.diffuse import diffuse
 from skinbake.diffuse.diffuse_map import DiffuseMap
-from skinbake.diffuse.light_entering import EnteredSkin, LightEntering, albedo_of, light_entering
+from skinbake.diffuse.light_entering import LightEntering, albedo_of, light_entering
 from skinbake.diffuse.memoize import Kind, Make, Values
 from skinbake.diffuse.memory import check_memory, disk_needed_bytes
 from skinbake.diffuse.notices import too_much
@@ -38,9 +38,9 @@ from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.machine import free_disk_bytes, return_freed
 from skinbake.profile import GaussianSum
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.profile.fit import more_gaussians
-from skinbake.profile.incidence import Incidence
-from skinbake.profile.skin_medium import SkinMedium, skin_medium
+from skinbake.profile.skin_medium import skin_medium
 from skinbake.profile.weight_table import WeightTable
 from skinbake.scene.budget import is_within, left_wrong
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
@@ -58,9 +58,7 @@ def scatter(
     scene: SceneData,
     atlas: Atlas,
     irradiance: tuple[IrradianceMap, ...],
-    gaussians: GaussianSum,
-    medium: SkinMedium,
-    incidence: Incidence | None,
+    skin: EnteredSkin,
     say: Callable[[str], None] | None = None,
     remember: Remember | None = None,
     base: EnteredSkin | None = None,
@@ -79,9 +77,7 @@ def scatter(
     atlas : Atlas
     irradiance : tuple of IrradianceMap
         Of the same tiles.
-    gaussians : GaussianSum
-    medium, incidence
-        As in `light_entering`.
+    skin : EnteredSkin
     say : callable, optional
         Told in words what begins.
     remember : callable, optional
@@ -99,14 +95,13 @@ def scatter(
     tell = say or (lambda text: None)
     tell("light that enters the skin")
     return_freed()  # tracing takes other arrays
-    skin = VaryingSkin.of(gaussians, scene.maps, atlas)
-    entered = base or EnteredSkin(gaussians, medium, incidence)
-    entering = light_entering(spec, decisions, scene, atlas, irradiance, *entered, aside, view)
+    gaussians = skin.gaussians
+    entering = light_entering(spec, decisions, scene, atlas, irradiance, base or skin, aside, view)
     lights, before = irradiance[0].lights, (*decisions.of_look, *irradiance[0].decided)
     spent = left_wrong((*before, *entering.plan), lights, 0.0)
     of_blur = decisions.budget.of_blur(spec.diffusion, spent)  # the same for skins that share blurs
     if base is not None:
-        entering = _curved_as(entering, spec, decisions, scene, gaussians, medium)
+        entering = _curved_as(entering, spec, decisions, scene, skin)
     aside.rest()
     return_freed()
     known = partial(_by_digest, remember, entering.digests()) if remember else None
@@ -125,7 +120,7 @@ def scatter(
         progress=say,
         remember=known,
         beam=entering.beam,
-        skin=skin,
+        skin=VaryingSkin.of(gaussians, scene.maps, atlas),
         plan_for=base and base.gaussians,
         aside=aside._replace(lobe=IN_MEMORY.lobe) if bends else aside,
         everywhere=entering.everywhere,
@@ -197,24 +192,20 @@ def _by_digest(remember: Remember, digests: Mapping[str, str], kind: Kind, names
 
 
 def _curved_as(
-    entering: LightEntering,
-    spec: SceneSpec,
-    decisions: Decisions,
-    scene: SceneData,
-    gaussians: GaussianSum,
-    medium: SkinMedium,
+    entering: LightEntering, spec: SceneSpec, decisions: Decisions, scene: SceneData, skin: EnteredSkin
 ) -> LightEntering:
     """Light that enters a base, with what curvature makes of the lobes of the skin itself, and its line of the plan.
 
     Parameters
     ----------
-    entering, spec, decisions, scene, gaussians, medium
+    entering, spec, decisions, scene, skin
         As of `scatter`.
     """
     terms = spec.terms
     curved, line = curve_skin(
-        scene.mesh, spec.texture, gaussians, medium, terms.curvature, decisions.budget.negligible, terms.beam != "off"
-    )
+        scene.mesh, spec.texture, skin.gaussians, skin.medium, terms.curvature, decisions.budget.negligible,
+        terms.beam != "off",
+    )  # fmt: skip
     plan = tuple(line if each.term == line.term else each for each in entering.plan)
     return replace(entering, curved=curved, plan=plan)
 

@@ -22,9 +22,7 @@ from skinbake.irradiance.light_texels import light_texels
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.kernels.threads import on_threads
 from skinbake.numerics import Float
-from skinbake.profile import GaussianSum
-from skinbake.profile.incidence import Incidence
-from skinbake.profile.skin_medium import SkinMedium
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.relight.basis import LightBasis
 from skinbake.relight.grey_lights import summed
 from skinbake.relight.light_error import KindError
@@ -51,9 +49,7 @@ class DirectBake(NamedTuple):
     decisions : Decisions
     scene : SceneData
     atlas : Atlas
-    gaussians : GaussianSum
-    medium : SkinMedium
-    incidence : Incidence, optional
+    skin : EnteredSkin
     view : SkinView, optional
         What the skin sees of itself, found once for all lights.
     thin : ThinParts, optional
@@ -64,9 +60,7 @@ class DirectBake(NamedTuple):
     decisions: Decisions
     scene: SceneData
     atlas: Atlas
-    gaussians: GaussianSum
-    medium: SkinMedium
-    incidence: Incidence | None
+    skin: EnteredSkin
     view: SkinView | None
     thin: ThinParts | None
 
@@ -88,12 +82,9 @@ def baked_lights(bake: DirectBake, lights: Sequence[UnseenLight]) -> Tiles:
         bake.atlas, scene.mesh, scene.maps, spec.lights, spec.shadows, spec.specular,
         decisions.energy_conservation.enabled, environments, spec.output.seed, LIT_WITHIN, scene.occluder,
     )  # fmt: skip
-    made = scatter(
-        spec, decisions, scene, bake.atlas, irradiance, bake.gaussians, bake.medium, bake.incidence,
-        view=bake.view, thin=bake.thin,
-    )  # fmt: skip
+    made = scatter(spec, decisions, scene, bake.atlas, irradiance, bake.skin, view=bake.view, thin=bake.thin)
     alone = np.array([lobe.weight_rgb for lobe in made.lobes])
-    weights = SkinWeights(alone, bake.gaussians.table, scene.maps)
+    weights = SkinWeights(alone, bake.skin.gaussians.table, scene.maps)
     return {raster.tile: summed_lobes(made.lobes, weights, raster.tile, raster.shape) for raster in bake.atlas}
 
 

@@ -35,8 +35,7 @@ from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
 from skinbake.kernels.threads import on_threads
-from skinbake.profile import GaussianSum
-from skinbake.profile.skin_medium import SkinMedium
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.relight.flesh_light import FleshLight
 from skinbake.scene.decision import Decision, Decisions
 from skinbake.scene.spec import SceneSpec
@@ -58,8 +57,7 @@ class Scattering:
     decisions : Decisions
     scene : SceneData
     atlas : Atlas
-    gaussians : GaussianSum
-    medium : SkinMedium
+    skin : EnteredSkin
     slant : Slant, optional
         Where incidence is counted.
     look_around : callable
@@ -83,19 +81,19 @@ class Scattering:
         decisions: Decisions,
         scene: SceneData,
         atlas: Atlas,
-        gaussians: GaussianSum,
-        medium: SkinMedium,
+        skin: EnteredSkin,
         slant: Slant | None,
         look_around: Callable[[], SkinView],
         say: Say = lambda _: None,
     ) -> None:
-        self._spec, self._scene, self._atlas, self._gaussians, self._medium = spec, scene, atlas, gaussians, medium
+        self._spec, self._scene, self._atlas, self._skin = spec, scene, atlas, skin
         self._budget, self._look_around, self._say = decisions.budget, look_around, say
         self._again = entering_again(spec, decisions, slant)
+        gaussians = skin.gaussians
         self._albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
         self._geometry = SkinGeometry(atlas, scene.mesh)
-        skin = VaryingSkin.of(gaussians, scene.maps, atlas)
-        self._weights, self._share = SkinWeights.of(gaussians, scene.maps), skin.share if skin else None
+        varying = VaryingSkin.of(gaussians, scene.maps, atlas)
+        self._weights, self._share = SkinWeights.of(gaussians, scene.maps), varying.share if varying else None
         self._no_probes = draw_probes(self._geometry, 0, 0)
         self._plans: tuple[LobePlan, ...] | None = None
         self.view: SkinView | None = None
@@ -115,7 +113,7 @@ class Scattering:
         # What of irradiance leaves as M, by tile
         self._reflected = [albedo * each for albedo, each in zip(self._albedo, total, strict=True)]
         self._curved, line = curve_skin(
-            scene.mesh, spec.texture, gaussians, medium, spec.terms.curvature, self._budget.negligible, beams=False
+            scene.mesh, spec.texture, gaussians, skin.medium, spec.terms.curvature, self._budget.negligible, beams=False
         )
         self.lines: list[Decision] = [replace(line, term="relight.curvature")]
 
@@ -189,7 +187,7 @@ class Scattering:
 
     def _diffused(self, light: Tiles) -> DiffuseMap:
         """Every lobe by the plan, which is made where there is none."""
-        spec, gaussians = self._budget.of_blur(self._spec.diffusion), self._gaussians
+        spec, gaussians = self._budget.of_blur(self._spec.diffusion), self._skin.gaussians
         names = tuple(f"basis.{k}" for k in range(len(next(iter(light.values())))))
         memoizer = Memoizer(LobeResources(light, self._geometry, spec, self._share), names)
         seed, precision = self._spec.output.seed, self._spec.output.precision
@@ -213,8 +211,8 @@ class Scattering:
         spec, scene = self._spec, self._scene
         if first and self.thin is None:
             skin = TranslucentSkin(
-                scene.mesh, scene.occluder, spec.texture, self._gaussians, self._mean_albedo, self._medium,
-                uniform_scatter(self._gaussians, spec.skin), self._curved,
+                scene.mesh, scene.occluder, spec.texture, self._skin.gaussians, self._mean_albedo, self._skin.medium,
+                uniform_scatter(self._skin.gaussians, spec.skin), self._curved,
             )  # fmt: skip
             assert spec.relight is not None
             # What shows beside what the textures leave wrong
@@ -248,7 +246,7 @@ class Scattering:
         gain, bounces = dict.fromkeys(names, self._again), dict.fromkeys(names, self._bounces)
         skin_light = SkinLight(self.view, seen, gain, bounces)
         entered = SmallLight.of(light, self.thin)
-        spec, scene, gaussians = self._spec, self._scene, self._gaussians
+        spec, scene, gaussians = self._spec, self._scene, self._skin.gaussians
         if self._small_blur is None:
             small = self.view.atlas
             self._small_blur = SmallBlur(small, scene.mesh, gaussians, scene.maps, spec.diffusion, lobes)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas, Tiles, limited_size, rasterize
-from skinbake.diffuse.light_entering import reference_reflectance
 from skinbake.diffuse.memory import memory_needed_bytes
 from skinbake.errors import MachineError
 from skinbake.irradiance.environment_share import NO_OIL
@@ -18,9 +17,7 @@ from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant, decide_incidence, slant_of
 from skinbake.machine import physical_memory_bytes
-from skinbake.profile import GaussianSum
-from skinbake.profile.incidence import Incidence
-from skinbake.profile.skin_medium import SkinMedium
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.relight.basis import LightBasis
 from skinbake.relight.basis_irradiance import Passage, basis_irradiance
 from skinbake.relight.choose_basis import choose_basis
@@ -92,9 +89,7 @@ def make_transfer(
     spec: SceneSpec,
     decisions: Decisions,
     scene: SceneData,
-    gaussians: GaussianSum,
-    medium: SkinMedium,
-    incidence: Incidence | None,
+    skin: EnteredSkin,
     say: Say = lambda _: None,
 ) -> Transfer:
     """Textures of a look's `relight`, and their error; theory.md 10.6.
@@ -105,9 +100,7 @@ def make_transfer(
         With `relight`. Its lights are not used.
     decisions : Decisions
     scene : SceneData
-    gaussians : GaussianSum
-    medium, incidence
-        As in `light_entering`.
+    skin : EnteredSkin
     say : callable
         Told in words what begins.
 
@@ -121,7 +114,7 @@ def make_transfer(
     spec = spec.model_copy(update={"lights": ()})  # whatever they are, the textures are the same
     decisions = Decisions(decisions.energy_conservation, True, (), budget_of(spec))
     full = at_texture_size(spec, transfer_size(spec))
-    slant, lines = _slant(spec, gaussians, medium, incidence, decisions.budget.negligible)
+    slant, lines = _slant(spec, skin, decisions.budget.negligible)
     passage = Passage(
         spec.specular, oil_table(spec.specular) if decisions.energy_conservation.enabled else NO_OIL, slant
     )
@@ -138,20 +131,19 @@ def make_transfer(
     say(f"relighting: {basis.textures} textures of {len(basis)} lights")
     udim, texture = spec.texture.udim, full.texture
     atlas = rasterize(scene.mesh, texture.size, texture.gutter, udim)
-    _check_memory(full, basis.textures + _lit_at_once(atlas, basis), len(atlas), len(gaussians.variance_mm2))
+    _check_memory(full, basis.textures + _lit_at_once(atlas, basis), len(atlas), len(skin.gaussians.variance_mm2))
     look_around = cache(lambda: seen_skin(sky, scene, texture.size, udim))
-    scattering = Scattering(full, decisions, scene, atlas, gaussians, medium, slant, look_around, say)
+    scattering = Scattering(full, decisions, scene, atlas, skin, slant, look_around, say)
     textures = _scattered(scattering, atlas, scene, sky, passage, basis, say)
     lines += scattering.lines
 
     # The same at the size at which lights are also baked
     judged = _judged(small, slant is not None, lines)
     close = Decisions(decisions.energy_conservation, True, (), budget_of(judged))
-    again = Scattering(judged, close, scene, sky.atlas, gaussians, medium, slant, look_around)
+    again = Scattering(judged, close, scene, sky.atlas, skin, slant, look_around)
     compared = _scattered(again, sky.atlas, scene, sky, passage, basis, lambda _: None)
-    bake = DirectBake(
-        judged, close, scene, sky.atlas, gaussians, medium, incidence if slant else None, again.view, again.thin
-    )
+    entered = skin if slant else skin._replace(incidence=None)
+    bake = DirectBake(judged, close, scene, sky.atlas, entered, again.view, again.thin)
     error = judge_basis(bake, basis, compared, unseen_lights(spec.output.seed), say)
     # What they leave wrong is in the measured error, and no part of what lights of the look may be wrong by
     plan = tuple(replace(line, error=0.0) for line in lines)
@@ -183,24 +175,21 @@ def _check_memory(spec: SceneSpec, textures: int, tiles: int, lobes: int) -> Non
         )
 
 
-def _slant(
-    spec: SceneSpec, gaussians: GaussianSum, medium: SkinMedium, incidence: Incidence | None, negligible: float
-) -> tuple[Slant | None, list[Decision]]:
+def _slant(spec: SceneSpec, skin: EnteredSkin, negligible: float) -> tuple[Slant | None, list[Decision]]:
     """Factors of slanted light, where they are worth it for suns, and the plan's line.
 
     Parameters
     ----------
     spec : SceneSpec
-    gaussians : GaussianSum
-    medium : SkinMedium
-    incidence : Incidence, optional
+    skin : EnteredSkin
     negligible : float
         Error below which they are left out.
     """
     switch = spec.terms.incidence
-    if incidence is None or switch == "off":
-        return None, [Decision("relight.incidence", False, "off" if switch == "off" else f"{switch}: {medium.why}")]
-    slant = slant_of(incidence, reference_reflectance(spec, gaussians, medium, incidence))
+    if skin.incidence is None or switch == "off":
+        why = "off" if switch == "off" else f"{switch}: {skin.medium.why}"
+        return None, [Decision("relight.incidence", False, why)]
+    slant = slant_of(skin.incidence, skin.reference_rgb)
     sun = DirectionalLight(name="relight", type="directional", direction=(0, -1, 0), irradiance=(1, 1, 1))
     line = decide_incidence(sun, slant, None, switch, negligible)
     return slant if line.enabled else None, [line]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skinbake.baking.incidence_table import incidence_table
+from skinbake.baking.incidence_table import entered_skin
 from skinbake.io.config import load_look
 from skinbake.io.scene_files import read_scene
 from skinbake.irradiance.decide import decide
@@ -31,8 +31,7 @@ KINDS = ("skies", "soft_boxes", "suns")
 def run(quick: bool, look: Path = ROOT / "configs" / "head_plain.yaml") -> list[dict]:
     """Rms of each kind of light, a row a basis and number of textures."""
     spec = load_look(look, ["texture.size=512" if quick else "texture.size=1024"])
-    medium = skin_medium(spec.skin)
-    incidence = incidence_table(medium) if medium.layers else None
+    skin = entered_skin(fit_skin(spec.skin, None).gaussians, skin_medium(spec.skin), spec.terms)
     rows: list[dict] = []
     judged = transfer.judge_basis
     kept: list = []
@@ -54,7 +53,7 @@ def run(quick: bool, look: Path = ROOT / "configs" / "head_plain.yaml") -> list[
             relight = {"textures": max(COUNTS), "basis": kind, "size": 256, "tolerance": 1e-4}
             each = load_look(look, ["texture.size=256", f"relight={relight}".replace("'", "")])
             scene = read_scene(each)
-            transfer.make_transfer(each, decide(each), scene, fit_skin(spec.skin, None).gaussians, medium, incidence)
+            transfer.make_transfer(each, decide(each), scene, skin)
     finally:
         transfer.judge_basis = judged
     return rows

@@ -22,6 +22,7 @@ from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_share
 from skinbake.profile.diffuse_shape import diffuse_factors
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.skin import TransportSkin
@@ -55,10 +56,8 @@ def entering(lights, word, mesh=None, medium=MEDIUM, **terms):
     scene, decisions = SceneData(mesh, SkinMaps(albedo_rgb=ALBEDO), {}), decide(spec)
     atlas = rasterize(mesh, spec.texture.size, 2)
     arrived = light_skin(spec, decisions, scene, atlas)
-    got = light_entering(
-        spec, decisions, scene, atlas, arrived, GAUSSIANS, medium, INCIDENCE if medium.layers else None
-    )
-    return got, arrived[0]
+    skin = EnteredSkin(GAUSSIANS, medium, INCIDENCE if medium.layers else None)
+    return light_entering(spec, decisions, scene, atlas, arrived, skin), arrived[0]
 
 
 def line_of(entered, name):

@@ -18,6 +18,7 @@ from skinbake.irradiance.oil_albedo import mean_specular_albedo
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.effective_medium import effective_medium
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.profile.incidence import reflect_slanted
 from skinbake.profile.skin_medium import SkinMedium, medium_incidence, skin_medium
 from skinbake.scene.lights import DirectionalLight
@@ -59,8 +60,8 @@ def entering(mesh, lights, terms, size=(33, 32), medium=MEDIUM, weight=(1.0, 1.0
     arrived = light_skin(spec, decisions, scene, atlas)
     weight = np.array(weight, ndmin=2)
     gaussians = GaussianSum(100.0 ** np.arange(1 - len(weight), 1), weight, np.zeros(3), weight.sum(axis=0))
-    incidence = INCIDENCE if medium.layers else None
-    return light_entering(spec, decisions, scene, atlas, arrived, gaussians, medium, incidence), arrived[0], atlas[0]
+    skin = EnteredSkin(replace(gaussians, normalise=spec.skin.normalise), medium, INCIDENCE if medium.layers else None)
+    return light_entering(spec, decisions, scene, atlas, arrived, skin), arrived[0], atlas[0]
 
 
 def test_without_terms_it_is_light_times_albedo_to_the_bit():

@@ -12,6 +12,7 @@ from skinbake.irradiance.decide import decide
 from skinbake.irradiance.light_skin import light_skin
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.spec import SceneSpec
 from tests.diffuse.test_light_entering import MEDIUM, OFF, SKIN
@@ -42,7 +43,7 @@ def test_thin_parts_are_looked_for_in_full_only_where_a_few_texels_find_some(mon
     scene, atlas, decisions = SceneData(mesh, SkinMaps(), {}), rasterize(mesh, size, 2), decide(spec)
     arrived = light_skin(spec, decisions, scene, atlas)
     skin = GaussianSum(np.array([0.5, 4.0]), np.full((2, 3), 0.3), np.zeros(3), np.full(3, 0.6))
-    made = scatter(spec, decisions, scene, atlas, arrived, skin, MEDIUM, None)
+    made = scatter(spec, decisions, scene, atlas, arrived, EnteredSkin(skin, MEDIUM))
     assert asked == looks
     (line,) = (line for line in made.plan if line.term == "transmission")
     assert line.enabled == (looks[-1:] == [TEXEL_MM])

@@ -6,12 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from skinbake.baking.incidence_table import incidence_table
+from skinbake.baking.incidence_table import entered_skin
 from skinbake.baking.inputs_roles import OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.diffuse import DiffuseMap, Lobe
 from skinbake.diffuse.aside import Aside
-from skinbake.diffuse.light_entering import EnteredSkin
 from skinbake.diffuse.memoize import Kind, Make
 from skinbake.diffuse.scatter import Remember, scatter
 from skinbake.io.code_digest import code_digest
@@ -20,6 +19,7 @@ from skinbake.io.lobes import as_stored_lobe, as_stored_lobes
 from skinbake.io.weight_table import table_record
 from skinbake.pipeline import Stage
 from skinbake.profile import GaussianSum
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
 from skinbake.profile.varying_skin import mean_skin
 from skinbake.relight.reuse import decide_reuse, reused_lights
@@ -111,25 +111,22 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         """What terms read that change entering light, besides that light, its maps and the mesh."""
         inputs, spec = self._inputs, self._inputs.spec
         terms, total = spec.terms, (gaussians.weight_rgb.sum(axis=0).tolist(), inputs.key(*inputs.skin_maps))
+        found = skin_medium(spec.skin)
+        medium = found.identity, found.why, found.named
+        lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()  # what is moved has their share
         incidence = beam = curvature = interreflection = shape = None
         if terms.incidence != "off":
-            medium = skin_medium(spec.skin)
-            incidence = (terms.incidence, medium.identity, medium.why, medium.named, spec.skin.normalise, total)
+            incidence = (terms.incidence, medium, spec.skin.normalise, total)
         if terms.beam != "off":
-            medium = skin_medium(spec.skin)
-            lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()  # what is moved has their share
-            beam = (terms.beam, medium.identity, medium.why, medium.named, lobes)
+            beam = (terms.beam, medium, lobes)
         if terms.curvature != "off":
-            medium = skin_medium(spec.skin)
-            curvature = (terms.curvature, medium.identity, medium.why, medium.named, spec.skin.normalise)
+            curvature = (terms.curvature, medium, spec.skin.normalise)
         if terms.interreflection != "off":
             oil = spec.specular.model_dump(mode="json") if inputs.decisions.energy_conservation.enabled else None
             interreflection = (terms.interreflection, terms.bounces, oil, total, inputs.key("albedo", OCCLUDERS))
         if terms.diffuse_profile != "off":
-            medium = skin_medium(spec.skin)
-            lobes = gaussians.variance_mm2.tolist(), gaussians.weight_rgb.tolist()
             entering = getattr(spec.skin, "incidence", None)  # of the profile
-            shape = (terms.diffuse_profile, medium.identity, medium.why, medium.named, lobes, entering)
+            shape = (terms.diffuse_profile, medium, lobes, entering)
         return [incidence, beam, curvature, interreflection, shape]
 
     def _decided(self) -> list[Any]:
@@ -141,11 +138,11 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
         """The skin that terms of a medium see where maps vary it."""
         return mean_skin(self._inputs.spec.skin, self._inputs.varying)
 
-    def _medium(self) -> SkinMedium:
-        """The skin's, as far as terms of slanted light may use it."""
-        if self._irradiance.light_keys is None:
-            return SkinMedium(why="the irradiance was given, and with it no directions")
-        return skin_medium(self._mean_skin())
+    def _entered(self, gaussians: GaussianSum, skin: SkinSpec) -> EnteredSkin:
+        """A skin as light enters it, as far as the directions of light are known."""
+        given = self._irradiance.light_keys is None
+        medium = SkinMedium(why="the irradiance was given, and with it no directions") if given else skin_medium(skin)
+        return entered_skin(gaussians, medium, self._inputs.spec.terms, self._say)
 
     @property
     def inputs_read(self) -> dict[str, str]:
@@ -169,9 +166,8 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
     def compute(self) -> DiffuseMap:
         """Every lobe; a light that the cache knows is not blurred again."""
         inputs = self._inputs
-        gaussians, irradiance, medium = self._profile.result(), self._irradiance.result(), self._medium()
-        spool = self._results.spool
-        slanted_asked = inputs.spec.terms.incidence != "off"
+        gaussians, irradiance = self._profile.result(), self._irradiance.result()
+        spool, base, skin = self._results.spool, inputs.base, self._mean_skin()
         line = None
         if self._transfer is not None:
             left = inputs.decisions.budget.left
@@ -185,17 +181,15 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             return stored
 
         made = scatter(
-            inputs.spec.model_copy(update={"skin": self._mean_skin()}),
+            inputs.spec.model_copy(update={"skin": skin}),
             inputs.decisions,
             inputs.scene(),
             self._raster.result(),
             irradiance,
-            gaussians,
-            medium,
-            incidence_table(medium, self._say) if slanted_asked and medium.layers else None,
+            self._entered(gaussians, skin),
             say=self._say,
             remember=self._remember(),
-            base=self._base(slanted_asked),
+            base=self._entered(base.gaussians, base.skin) if base else None,
             aside=Aside(
                 put_aside,
                 spool.keep,
@@ -205,11 +199,6 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
             ),
         )
         return made if line is None else replace(made, plan=(*made.plan, line))
-
-    def _base(self, slanted: bool) -> EnteredSkin | None:
-        """The skin whose light and blurs the look takes, where it does."""
-        base = self._inputs.base
-        return base.entered(self._irradiance.light_keys is not None, slanted) if base else None
 
     def _remember(self) -> Remember | None:
         """What the cache knows of lights that enter; None where there is no use for it."""

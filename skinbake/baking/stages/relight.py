@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from skinbake.baking.incidence_table import incidence_table
+from skinbake.baking.incidence_table import entered_skin
 from skinbake.baking.inputs_roles import LATER, OCCLUDERS
 from skinbake.baking.provenance import Provenance
 from skinbake.io.code_digest import code_digest
@@ -98,15 +98,12 @@ class RelightStage(Stage[Transfer, Transfer]):
     def _made(self) -> Transfer:
         inputs = self._inputs
         skin = mean_skin(inputs.spec.skin, inputs.varying)
-        medium = skin_medium(skin)
-        slanted = medium.layers and inputs.spec.terms.incidence != "off"
+        entered = entered_skin(self._profile.result(), skin_medium(skin), inputs.spec.terms, self._say)
         made = make_transfer(
             self._spec.model_copy(update={"skin": skin}),
             inputs.decisions,
             inputs.scene(),
-            self._profile.result(),
-            medium,
-            incidence_table(medium, self._say) if slanted else None,
+            entered,
             self._say,
         )
         return stored_transfer(made, inputs.spec.output.precision)

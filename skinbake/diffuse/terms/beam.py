@@ -25,6 +25,7 @@ from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.effective_medium import one_layer
+from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.budget import Budget
 from skinbake.scene.decision import Decision
@@ -113,8 +114,7 @@ def decide_beams(
     scene: SceneData,
     atlas: Atlas,
     irradiance: tuple[IrradianceMap, ...],
-    gaussians: GaussianSum,
-    medium: SkinMedium,
+    skin: EnteredSkin,
     albedo_rgb: Float,
     curved: CurvedSkin | None,
     before: Sequence[BeamShift] = (),
@@ -128,8 +128,7 @@ def decide_beams(
     scene : SceneData
     atlas : Atlas
     irradiance : tuple of IrradianceMap
-    gaussians : GaussianSum
-    medium : SkinMedium
+    skin : EnteredSkin
     albedo_rgb : ndarray of shape (3,)
         Mean albedo: red light, which goes furthest, is most of what leaves.
     curved : CurvedSkin, optional
@@ -140,7 +139,8 @@ def decide_beams(
     switch = spec.terms.beam
     if switch == "off":
         return [], set(), [Decision("beam", False, "off")]
-    free_path = free_path_of(medium, gaussians)
+    gaussians = skin.gaussians
+    free_path = free_path_of(skin.medium, gaussians)
     if isinstance(free_path, str):
         return [], set(), [Decision("beam", False, f"{switch}: {free_path}")]
     wide = gaussians.variance_mm2 >= narrowest_mm2(free_path[0])
