@@ -32,7 +32,7 @@ class MadeLobes(NamedTuple, Generic[T]):
     error : MeasuredError, optional
         Of the weighted sum; None without probes.
     by_lobe : list of MeasuredError or None
-        Of each lobe alone.
+        Of each lobe alone, where it counts.
     worst : int, optional
         Number of the probe at which the sum is most wrong.
     blurs : float
@@ -121,7 +121,11 @@ def make_lobes(
     weight_rgb = weights.at_probes(probes)
     stored, unreduced_sum, want = (weighted_sum(values, weight_rgb) for values in found)
     worst = int(np.abs(stored - want).max(axis=1).argmax())
-    by_lobe: list[MeasuredError | None] = [measure_error(*each) for each in zip(*found, strict=True)]
+    counts = weights.counts_at_probes(probes)
+    by_lobe: list[MeasuredError | None] = [
+        measure_error(*(values * counts if plan.parameters.variance_mm2 > 0 else values for values in each))
+        for plan, each in zip(plans, zip(*found, strict=True), strict=True)
+    ]
     arrived = light_at_probes(memoizer.resources.source, probes)
     blurs = relative_rms(weighted_sum([arrived] * len(plans), weight_rgb), want)
     return MadeLobes(lobes, measure_error(stored, unreduced_sum, want), by_lobe, worst, blurs)

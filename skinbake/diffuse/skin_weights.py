@@ -75,6 +75,10 @@ class SkinWeights:
         """Share of the light that scatters at places, (P,) or (1,)."""
         return np.ones(1) if self.table is None else self.table.scatter_at(self._values_at(tile, place))
 
+    def counts_at_probes(self, probes: Probes) -> Float:
+        """How much a lobe that scatters counts at probes, (P, 1) or (1, 1): nothing where the skin does not scatter."""
+        return self.scatter_at(probes.tile, probes.place)[:, None]
+
     def image(self, lobe: int, tile: int, shape: tuple[int, int]) -> NDArray[np.float32]:
         """Weights of one lobe at every texel, (H, W, 3), or (1, 1, 3) where they are the same everywhere.
 

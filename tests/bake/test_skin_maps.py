@@ -1,5 +1,6 @@
 """Skin that varies over the texture, baked on a small plane under a close lamp."""
 
+import importlib
 import json
 
 import numpy as np
@@ -11,6 +12,7 @@ from skinbake.baking.bake_look import bake_look
 from skinbake.baking.truth import bare_look
 from skinbake.baking.warnings import look_warnings
 from skinbake.bilinear import magnify_bilinear
+from skinbake.diffuse.make_lobes import make_lobes
 from skinbake.errors import ConfigError, InputError
 from skinbake.export.exports import write_exports
 from skinbake.io.bake_folder import read_bake_folder
@@ -168,6 +170,17 @@ def test_what_does_not_scatter_is_albedo_times_light_and_sends_none(plane):
     assert (lit_left.irradiance() * dark_left).max() == 0
     assert lit_left.radiant_exitance()[:, ~LEFT & ~np.roll(LEFT, 1)].max() == 0
     assert plane(lights=[spot]).radiant_exitance()[:, ~LEFT & ~np.roll(LEFT, 1)].max() > 0.01
+
+
+def test_a_lobe_is_judged_where_it_counts(plane, monkeypatch):
+    """Where nothing scatters a lobe is nothing of the light that leaves: neither said to be wrong, nor planned by."""
+    made = []
+    module = importlib.import_module("skinbake.diffuse.diffuse")  # a function has its name
+    monkeypatch.setattr(module, "make_lobes", lambda *given: made.append(make_lobes(*given)) or made[-1])
+    bake = plane({"scatter": "share.exr"}, diffusion={"method": "auto", "tolerance": 0.01})
+    assert max(error.rms for error in made[-1].by_lobe) < 0.1
+    said = [line.why for line in bake.plan if line.term.startswith("lobe_")]
+    assert max(float(why.split("alone wrong by ")[1].split("%")[0]) for why in said) < 10
 
 
 @pytest.mark.parametrize("method", ["surface", "texture", "stretch", "hybrid", "reference"])

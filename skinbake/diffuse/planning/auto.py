@@ -17,8 +17,11 @@ than three thousandths of the skin further off than ten tolerances, or than a te
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+
+import numpy as np
 
 from skinbake.diffuse.draw_probes import PLAN, draw_probes
 from skinbake.diffuse.error import weighted_sum
@@ -86,11 +89,14 @@ def plan_auto(
     # What each lobe should be at the probes, and what each candidate makes of it: one lobe after another, as each may
     # have a light of its own, of which all that it is made of follows
     exact, options, seen = list[Float](), list[list[Candidate]](), set[LobeLight]()
+    alone, counts = list[Callable[[Float], float]](), weights.counts_at_probes(probes)
     for variance in gaussians.variance_mm2.tolist():
         exact.append(memoizer.at_probes(REFERENCE, LobeParameters(variance), probes))
         of, light = memoizer.of_lobe(variance), memoizer.light_of(variance)
         of.rest()
-        options.append(_candidates(of, variance, probes, exact[-1], precision == "half", light in seen))
+        alone.append(partial(_error_alone, probes.weight, exact[-1], counts if variance > 0 else np.ones((1, 1))))
+        trial = _trial(of, variance, probes, exact[-1], precision == "half")
+        options.append(_candidates(trial, alone[-1], light in seen))
         seen.add(light)
         del of  # the next lobe's needs room
 
@@ -104,7 +110,7 @@ def plan_auto(
     while any(not lobe[k].tried for lobe, k in zip(options, chosen, strict=True)):
         for i, (lobe, k) in enumerate(zip(options, chosen, strict=True)):
             if not lobe[k].tried:
-                lobe[k] = _tried(memoizer, probes, exact[i], lobe[k])
+                lobe[k] = _tried(memoizer, probes, alone[i], lobe[k])
         chosen = search(options, weight_rgb, judge, limit)
 
     taken = [lobe[k] for lobe, k in zip(options, chosen, strict=True)]
@@ -112,10 +118,23 @@ def plan_auto(
     return plans, _decisions(plans, weight_rgb, judge, limit, [lobe.read for lobe in taken])
 
 
-def _candidates(
-    resources: LobeResources, variance: float, probes: Probes, exact: Float, half: bool, again: bool
-) -> list[Candidate]:
-    """What all methods propose, from the full size down.
+def _error_alone(weight: Float, exact: Float, counts: Float, read: Float) -> float:
+    """How wrong a lobe is, a share of itself, where it counts: rms over the probes.
+
+    Parameters
+    ----------
+    weight : ndarray of shape (P,)
+        Of the probes.
+    exact, read : ndarrays of shape (P, 3 L)
+        The lobe at the probes, as it should be and as it is.
+    counts : ndarray of shape (P, 1) or (1, 1)
+        Of `SkinWeights.counts_at_probes`.
+    """
+    return Judge(exact * counts, weight, len(exact)).rms((read - exact) * counts)
+
+
+def _trial(resources: LobeResources, variance: float, probes: Probes, exact: Float, half: bool) -> Trial:
+    """What methods are told when they are asked for candidates.
 
     Parameters
     ----------
@@ -128,8 +147,6 @@ def _candidates(
         The lobe at the probes.
     half : bool
         Whether files will hold binary16.
-    again : bool
-        Whether a narrower lobe is of the same light: unblurred both are one image, which is written once.
     """
     geometry, tolerance = resources.geometry, resources.spec.tolerance
     texels2 = geometry.variance_texels2(variance)
@@ -138,25 +155,37 @@ def _candidates(
     # Finer sizes than by rule no method needs
     first = stored_level(finest, variance, geometry.mean_texel_mm2, tolerance, widest)
     levels = range(first, widest + 1) if min(texels2) >= IDENTITY_TEXELS2 else range(0)
-    trial = Trial(resources, variance, levels, cluster_spacing(tolerance), probes, exact, half)
-    judge = Judge(exact, probes.weight, len(probes))
-    found = []
+    return Trial(resources, variance, levels, cluster_spacing(tolerance), probes, exact, half)
+
+
+def _candidates(trial: Trial, alone: Callable[[Float], float], again: bool) -> list[Candidate]:
+    """What all methods propose, from the full size down.
+
+    Parameters
+    ----------
+    trial : Trial
+    alone : callable
+        How wrong the lobe is, by what is read at the probes.
+    again : bool
+        Whether a narrower lobe is of the same light: unblurred both are one image, which is written once.
+    """
+    resources, found = trial.resources, []
     for each in METHODS.values():
         for parameters, cost, read, tried in each.candidates(trial):
             if each.blurs or not again:
                 cost += write_cost(resources, parameters.level)
             if each.misses_unseen:
                 cost += risk_cost(resources)
-            found.append(Candidate(each, parameters, cost, read, judge.rms(read - exact), tried))
+            found.append(Candidate(each, parameters, cost, read, alone(read), tried))
     resources.rest()
     return sorted(found, key=lambda candidate: candidate.parameters.level)
 
 
-def _tried(memoizer: Memoizer, probes: Probes, exact: Float, lobe: Candidate) -> Candidate:
+def _tried(memoizer: Memoizer, probes: Probes, alone: Callable[[Float], float], lobe: Candidate) -> Candidate:
     """A candidate with what its sums read at the probes."""
     read = memoizer.read_stored(lobe.method, lobe.parameters, probes)
     memoizer.resources.rest()
-    return replace(lobe, read=read, error=Judge(exact, probes.weight, len(probes)).rms(read - exact), tried=True)
+    return replace(lobe, read=read, error=alone(read), tried=True)
 
 
 def _explained(
