@@ -204,13 +204,14 @@ def _walk(node: yaml.Node, at: Key, place: Place, places: dict[Key, str], parent
             f" {read}; write it without leading zeros and colons, or in quotes where it is text"
         )
     elif isinstance(node, yaml.MappingNode):
-        merged = [value for key, value in node.value if key.tag == _MERGE]
-        for value in merged:
-            yield from _walk(value, at, place, {}, parents)
         seen = set()
         for i, (key_node, value_node) in enumerate(node.value):
             here = place(key_node.start_mark.line + 1)
             if key_node.tag == _MERGE:
+                yield from _walk(value_node, at, place, {}, parents)
+                if _MERGE in seen:
+                    yield f"{here}: {dotted((*at, key_node.value))}: key stands twice"
+                seen.add(_MERGE)
                 continue
             if not isinstance(key_node, yaml.ScalarNode):
                 yield f"{here}: expected a plain key, got {_kind(key_node)}"
@@ -222,9 +223,29 @@ def _walk(node: yaml.Node, at: Key, place: Place, places: dict[Key, str], parent
             seen.add(key_node.value)
             yield from _walk(value_node, (*at, key_node.value), place, places, parents)
             places[*at, key_node.value] = here
+        node.value = _with_merged(node.value)
     elif isinstance(node, yaml.SequenceNode):
         for i, child in enumerate(node.value):
             yield from _walk(child, (*at, i), place, places, parents)
+
+
+def _with_merged(pairs: list[tuple[yaml.Node, yaml.Node]]) -> list[tuple[yaml.Node, yaml.Node]]:
+    """Keys and values of a mapping with those that it merges, of which the first goes before later ones.
+
+    PyYAML 6.0.4 lets the last of a list win where a key is longer than a letter. What can be no merge it refuses.
+    """
+    found = [(key, value) for key, value in pairs if key.tag != _MERGE]
+    names = {key.value for key, _ in found if isinstance(key, yaml.ScalarNode)}
+    for key, value in pairs:
+        if key.tag == _MERGE:
+            sources = value.value if isinstance(value, yaml.SequenceNode) else [value]
+            if not all(isinstance(source, yaml.MappingNode) for source in sources):
+                return pairs
+            for name, inner in (pair for source in sources for pair in source.value):
+                if isinstance(name, yaml.ScalarNode) and name.value not in names:  # others are faults already
+                    names.add(name.value)
+                    found.append((name, inner))
+    return found
 
 
 def _kind(node: yaml.Node) -> str:

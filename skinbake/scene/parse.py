@@ -33,7 +33,11 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str], context: Mapp
         With one message for each fault.
     """
     try:
-        return TypeAdapter(kind).validate_python(mapping, context=context)
+        made = TypeAdapter(kind).validate_python(mapping, context=context)
+        switches = [say(key, f"expected a number, got {_shown(value)}") for key, value in _taken_for_1(mapping, made)]
+        if switches:
+            raise ConfigError(switches)
+        return made
     except ValidationError as error:
         faults: dict[str, None] = {}  # each once, in order
         found = error.errors(include_url=False)
@@ -49,6 +53,20 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str], context: Mapp
                 key = (*key, fault["ctx"]["discriminator"].strip("'"))
             faults.setdefault(say(key, _sentence(kind, fault) if len(faults) < MOST_FAULTS else fault["msg"]))
         raise ConfigError(tuple(faults)) from error
+
+
+def _taken_for_1(given: Any, made: Any, key: Key = ()) -> Iterator[tuple[Key, bool]]:
+    """Keys of `true`, `on`, `false` ... that became numbers, as they do to pydantic, and these."""
+    if isinstance(given, bool):
+        if isinstance(made, int | float) and not isinstance(made, bool):
+            yield key, given
+    elif isinstance(given, Mapping) and isinstance(made, BaseModel | Mapping):
+        below = made if isinstance(made, Mapping) else dict(made)
+        for name in given:
+            yield from _taken_for_1(given[name], below.get(name), (*key, name))
+    elif isinstance(given, list | tuple) and isinstance(made, list | tuple):
+        for i, (one, other) in enumerate(zip(given, made, strict=False)):
+            yield from _taken_for_1(one, other, (*key, i))
 
 
 def unknown_keys(kind: Any, mapping: Mapping[str, Any], say: Callable[[Key, str], str]) -> list[str]:

@@ -161,6 +161,9 @@ def test_overrides_are_named_in_their_faults(look):
         ("lights=[]", "lights: expected at least one light, or relight for those that come later, got none"),
         ("lights.key=5", "lights[0]: expected a mapping, got 5"),
         ("skin=null", "skin: expected a mapping, got nothing"),
+        ("specular.strength=on", "specular.strength: expected a number, got true"),
+        ("texture.gutter=false", "texture.gutter: expected a number, got false"),
+        ("maps.albedo_rgb=[0.5, yes, 0.3]", "maps.albedo_rgb[1]: expected a number, got true"),
     ],
 )
 def test_values_of_another_kind_are_told_in_plain_words(look, override, message):

@@ -171,6 +171,9 @@ def test_what_is_merged_is_looked_through():
     for text, message in (
         ("{<<: {b: 1, b: 2}}", "look.yaml:1: a.b: key stands twice"),
         ("{<<: [{b: 1}, {b: !!binary aa}]}", "look.yaml:1: a[1].b: expected plain YAML, got the tag "),
+        ("{<<: {? [1] : 2}}", "look.yaml:1: expected a plain key, got sequence"),
+        ("{<<: {b: 1}, <<: {b: 2}}", "look.yaml:1: a.<<: key stands twice"),
+        ("{<<: 3}", "look.yaml:1: expected YAML, got: expected a mapping or list of mappings for merging"),
     ):
         with pytest.raises(ConfigError) as caught:
             parse_yaml(f"a: {text}", "look.yaml")
@@ -178,3 +181,11 @@ def test_what_is_merged_is_looked_through():
     found = parse_yaml("a: &a {b: 1}\nc:\n  b: 2\n  <<: *a\n", "look.yaml")
     assert found.value["c"] == {"b": 2}
     assert found.place(("c", "b")) == "look.yaml:3"
+
+
+def test_the_first_of_several_that_are_merged_goes_before_later_ones():
+    """As YAML has it; PyYAML 6.0.4 lets the last one win where a key is longer than a letter."""
+    text = "a: &a {size: 1}\nb: &b {<<: *a, gutter: 2}\nc: {<<: [*b, {size: 3, gutter: 4, on: 5}], tx: 6}\nd: *b\n"
+    found = parse_yaml(text, "look.yaml")
+    assert found.value["b"] == found.value["d"] == {"size": 1, "gutter": 2}
+    assert found.value["c"] == {"size": 1, "gutter": 2, "on": 5, "tx": 6}
