@@ -6,7 +6,6 @@ A PNG's and a TIFF's primaries, a TIFF's curve, a photograph's Adobe RGB.
 from __future__ import annotations
 
 import struct
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,11 @@ from skinbake.io.colour import REC709, srgb_to_linear
 _BEFORE_PRIMARIES = (b"iCCP", b"sRGB", b"cICP")  # a PNG that has one of them means nothing by its primaries
 _UNCALIBRATED = 65535  # EXIF's ColorSpace of all that is not sRGB
 # InteroperabilityIndex, a text of four bytes, R03, in either order of bytes: as whole entries of EXIF have it
-_BITS, _TRANSFER_FUNCTION, _WHITE, _PRIMARIES = 258, 301, 318, 319  # tags of a TIFF
-_BIG = (b"+\0", b"\0+")  # after the order of bytes, in a TIFF of more than 4 GiB
+_TRANSFER_FUNCTION, _WHITE, _PRIMARIES = 301, 318, 319  # tags of a TIFF
+_BIG = 43  # second word of a TIFF of more than 4 GiB
+_RATIONAL = 5
+_NUMBERS = {3: "u2", 4: "u4", _RATIONAL: "u4", 11: "f4", 12: "f8"}  # types of a tag
+_MOST_TAGS, _MOST_NUMBERS = 1000, 3 << 16
 _SAME_CURVE = 0.01  # of full light, by which tables of sRGB differ
 _OPTIONAL_COLOURS = [struct.pack(order + "HHI4s", 1, 2, 4, b"R03") for order in "<>"]
 
@@ -76,7 +78,7 @@ def _colours_of_tiff(path: Path) -> dict[str, Any]:
     if tags[_WHITE] or tags[_PRIMARIES]:
         said["chromaticities"] = (*(tags[_PRIMARIES] or REC709[:6]), *(tags[_WHITE] or REC709[6:]))
     if curve := tags[_TRANSFER_FUNCTION]:
-        channels = 3 if len(curve) == 3 << int(tags[_BITS][0]) else 1
+        channels = 1 if len(curve) % 3 else 3  # a table of a power of two each
         tables = np.reshape(curve, (channels, -1)) / 65535
         if np.abs(tables - srgb_to_linear(np.linspace(0, 1, tables.shape[1]))).max() > _SAME_CURVE:
             said["tiff:TransferFunction"] = "not sRGB"
@@ -84,20 +86,33 @@ def _colours_of_tiff(path: Path) -> dict[str, Any]:
 
 
 def _tags_of_tiff(path: Path) -> dict[int, tuple[float, ...]]:
-    """Numbers of a TIFF's tags; empty where it has not got them, or all are damaged."""
-    from PIL.TiffImagePlugin import ImageFileDirectory_v2  # of its pictures, Pillow refuses large ones
+    """Numbers of a TIFF's tags; empty where it has not got them, or they are cut."""
+    found: dict[int, tuple[float, ...]] = dict.fromkeys((_TRANSFER_FUNCTION, _WHITE, _PRIMARIES), ())
+    with path.open("rb") as file:
 
-    asked = (_BITS, _TRANSFER_FUNCTION, _WHITE, _PRIMARIES)
-    try:
-        with warnings.catch_warnings(), path.open("rb") as file:
-            warnings.simplefilter("ignore")  # of tags that are cut
-            head = file.read(8)
-            directory = ImageFileDirectory_v2(head + (file.read(8) if head[2:4] in _BIG else b""))
-            file.seek(directory.next)
-            directory.load(file)
-            return {tag: tuple(float(x) for x in np.ravel(directory.get(tag, ()))) for tag in asked}
-    except (OSError, SyntaxError, ValueError, TypeError, ArithmeticError, struct.error):
-        return dict.fromkeys(asked, ())
+        def read(form: str) -> tuple[Any, ...]:
+            return struct.unpack(order + form, file.read(struct.calcsize(order + form)))
+
+        try:
+            order = "<" if file.read(2) == b"II" else ">"
+            big = read("H")[0] == _BIG
+            offset, room = ("Q", 8) if big else ("I", 4)
+            file.seek(read(f"4x{offset}" if big else offset)[0])
+            (entries,) = read("Q" if big else "H")
+            for at in range(file.tell(), file.tell() + min(entries, _MOST_TAGS) * (4 + 2 * room), 4 + 2 * room):
+                file.seek(at)
+                tag, kind, count = read(f"HH{offset}")
+                if tag in found and kind in _NUMBERS and count <= _MOST_NUMBERS:
+                    numbers, each = np.dtype(order + _NUMBERS[kind]), 2 if kind == _RATIONAL else 1
+                    if numbers.itemsize * each * count > room:
+                        file.seek(read(offset)[0])
+                    values = np.frombuffer(file.read(numbers.itemsize * each * count), numbers).astype(float)
+                    if len(values) == each * count:
+                        with np.errstate(all="ignore"):  # a rational of 0 / 0 is told where it is used
+                            found[tag] = tuple((values[::2] / values[1::2] if each == 2 else values).tolist())
+        except (OSError, ValueError, OverflowError, struct.error):
+            pass
+    return found
 
 
 def _is_adobe_rgb(path: Path) -> bool:

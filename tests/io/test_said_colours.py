@@ -86,7 +86,7 @@ def tiff(path, tags, depth=8):
     if depth == 16:  # also of more than 4 GiB, as far as its directory goes
         pixels = np.full((4, 4, 3), [value * 257 for value in RGB], np.uint16)
         extra = [(tag, kind, len(values) // (1 + (kind == 5)), values, True) for tag, (kind, values) in tags.items()]
-        tifffile.imwrite(path, pixels, photometric="rgb", bigtiff=True, extratags=extra)
+        tifffile.imwrite(path, pixels, photometric="rgb", bigtiff=True, byteorder=">", extratags=extra)
     else:
         directory = TiffImagePlugin.ImageFileDirectory_v2()
         for tag, (kind, values) in tags.items():
