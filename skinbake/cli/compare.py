@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from skinbake.compare import Difference
 
 limit = Within(min=0)
+MOST_ROWS = 16  # of a picture: a bake with tiles has a hundred images
 _WHOLE = 0.999  # coverage of a texel that shows nothing but skin
 _LIGHT = ("irradiance", "lobe_", "transmission", "sum of lobes")  # names of what a bake stores begin so
 
@@ -33,7 +35,11 @@ _LIGHT = ("irradiance", "lobe_", "transmission", "sum of lobes")  # names of wha
 @click.option(
     "--worst", type=limit, default=1.0, show_default=True, help="No value may pass this many times its limit."
 )
-@click.option("--picture", type=Output(dir_okay=False), help="Write the difference in false colours to this PNG.")
+@click.option(
+    "--picture",
+    type=Output(dir_okay=False),
+    help=f"Write differences in false colours to this PNG, the {MOST_ROWS} largest.",
+)
 @json_option
 def command(
     image: str,
@@ -87,7 +93,10 @@ def command(
         for name in missing:
             print(printable(f"{name:<40} only in {image if name in ours else reference}"))
     if picture:
-        false_colour_sheet(Path(picture), pairs)
+        shown = sorted(pairs, key=lambda name: _most(found[name]), reverse=True)[:MOST_ROWS]
+        false_colour_sheet(Path(picture), {name: pair for name, pair in pairs.items() if name in shown})
+        if len(pairs) > MOST_ROWS:
+            print(printable(f"{picture}: the {MOST_ROWS} of {len(pairs)} images that differ most"), file=sys.stderr)
     return 0 if same else 1
 
 
@@ -98,13 +107,16 @@ def _verdict(found: dict[str, Difference], missing: list[str]) -> str:
         return f"same: {len(found)} image{'s' if len(found) > 1 else ''} within the limits"
     parts = []
     if differ:
-        worst = max(
-            differ, key=lambda name: differ[name].max_relative if math.isfinite(differ[name].max_relative) else math.inf
-        )
+        worst = max(differ, key=lambda name: _most(differ[name]))
         parts.append(f"{len(differ)} of {len(found)} images; most {worst or 'the image'}: {differ[worst].why}")
     if missing:
         parts.append(f"{len(missing)} in one of them only")
     return f"differs: {'; '.join(parts)}"
+
+
+def _most(difference: Difference) -> float:
+    """How far two images are apart; infinite where that cannot be said."""
+    return difference.max_relative if math.isfinite(difference.max_relative) else math.inf
 
 
 def _both(value: float, share: float) -> str:

@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -121,6 +122,18 @@ def test_colours_are_shown_by_their_channels_names(tmp_path):
     for shown in panels[:2]:
         np.testing.assert_allclose(shown, np.array([1.0, 0.4, 0.05]) ** (1 / 2.2), atol=0.02)
     np.testing.assert_allclose(panels[2], 0, atol=0.02)
+
+
+def test_a_picture_shows_the_images_that_differ_most(tmp_path, capsys):
+    """A bake with tiles has more images than a picture has room for."""
+    for name, off in (("a", 0), ("b", 1)):
+        parts = [Part(f"p{k:03}", rgb_channels(np.full((4, 6, 3), 1 + off * k / 512, np.float32))) for k in range(160)]
+        write_parts(tmp_path / f"{name}.exr", parts, precision="float")
+    picture = tmp_path / "difference.png"
+    files = [str(tmp_path / "a.exr"), str(tmp_path / "b.exr")]
+    assert run(["compare", *files, "--picture", str(picture)]) == 1
+    assert "difference.png: the 16 of 160 images that differ most" in capsys.readouterr().err
+    assert cv2.imread(str(picture)).shape[0] < 8000
 
 
 def test_folders_with_something_in_common_differ(tmp_path, capsys):
