@@ -101,7 +101,8 @@ def run_batch(plan: Plan, console: Console) -> dict[str, Any]:
     payloads = {job.name: plan.bake_job(job) for job in jobs}
     peak = None
     tidy = partial(_tidy, [Path(job.spec.output.dir) for job in jobs] if plan.dask in (None, "local") else [])
-    with BatchProgress(len(jobs), plan.workers, console) as progress, undone_at_stop(tidy):
+    quicker = [name for name, blurs in plan.blurs.items() if blurs.base]
+    with BatchProgress(len(jobs), plan.workers, console, quicker) as progress, undone_at_stop(tidy):
         if plan.dask:
             from skinbake.batch.dask_cluster import run_on_dask
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 from contextlib import ExitStack
+from statistics import fmean
 from types import TracebackType
 from typing import Any
 
@@ -25,11 +27,15 @@ class BatchProgress:
     workers : int
         Jobs that run at a time.
     console : Console
+    quicker : collection of str
+        Looks that take the blurs of another one, and are baked in a part of its time.
     """
 
-    def __init__(self, total: int, workers: int, console: Console) -> None:
-        self.total, self.workers = total, workers
+    def __init__(self, total: int, workers: int, console: Console, quicker: Collection[str] = ()) -> None:
+        self.total, self.workers, self.quicker = total, workers, quicker
         self.ended = 0
+        self._still_quicker = set(quicker)
+        self.seconds: dict[bool, list[float]] = {False: [], True: []}  # of looks that have ended: quicker ones apart
         self.begun: dict[str, float] = {}
         self.running: dict[str, list[str]] = {}  # where a look is baked, then its stages, one inside the other
         self.notes: dict[str, str] = {}  # where the innermost of them is
@@ -85,8 +91,13 @@ class BatchProgress:
         self.ended += 1
         self.running.pop(name, None)
         self.notes.pop(name, None)
-        if self._task is not None:
-            self._task.done = self.ended
+        if name in self.begun:
+            self.seconds[name in self.quicker].append(time.monotonic() - self.begun[name])
+        self._still_quicker.discard(name)
+        left = self._left_s()
+        if self._task is not None and left is not None:  # in seconds: looks are not all as slow
+            self._task.done = time.monotonic() - self.start
+            self._task.total = self._task.done + left
         text = f"[{self.ended:>{len(str(self.total))}}/{self.total}] {name:<28} {WORDS[event['status']]}"
         if name in self.begun:
             text += f", {time.monotonic() - self.begun[name]:.1f} s"
@@ -94,12 +105,16 @@ class BatchProgress:
             text += f"  {event.get('note', '')}".rstrip()
         elif event.get("error"):
             text += f": {event['error'].splitlines()[0]}"
-        if self._left():
-            text += f"  ({self._left()})"
+        if left:
+            text += f"  ({time_left(left)})"
         self._progress.line(text)
 
-    def _left(self) -> str:
-        """Time left in words, if the looks to come are as slow as those so far."""
-        if self.ended == self.total:
-            return ""
-        return time_left((time.monotonic() - self.start) / self.ended * (self.total - self.ended))
+    def _left_s(self) -> float | None:
+        """Seconds left, if the looks to come are as slow as those of their kind so far; None before one has ended."""
+        quicker = len(self._still_quicker)
+        coming = {False: self.total - self.ended - quicker, True: quicker}
+        if not all(self.seconds[kind] or not count for kind, count in coming.items()):
+            return None
+        taken = sum(map(sum, self.seconds.values()))
+        left = sum(count * fmean(self.seconds[kind]) for kind, count in coming.items() if count)
+        return left * (time.monotonic() - self.start) / taken if left else 0.0  # several looks at a time

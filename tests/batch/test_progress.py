@@ -47,3 +47,20 @@ def test_stages_say_where_they_are_to_who_listens():
     events = []
     StageLog(0, events.append).note("key, 1 of 2")
     assert events == [{"event": "note", "text": "key, 1 of 2"}]
+
+
+def test_looks_that_take_the_blurs_of_another_are_expected_to_be_quicker(monkeypatch, capsys):
+    """After the one that they take them from, nobody knows how quick; then by those of their kind."""
+    now = [100.0]
+    monkeypatch.setattr("skinbake.batch.progress.time.monotonic", lambda: now[0])
+    quicker = [f"skin-{k}" for k in range(9)]
+    with BatchProgress(10, 1, Console(file=io.StringIO()), quicker) as shown:
+        for name, seconds in (("base", 60.0), (quicker[0], 4.0), (quicker[1], 4.0)):
+            shown.on_event(name, {"event": "begin"})
+            now[0] += seconds
+            shown.on_event(name, {"event": "end", "status": "done"})
+    base, first, second = capsys.readouterr().err.splitlines()
+    assert "left" not in base
+    assert first.endswith("(about 32 s left)")
+    assert second.endswith("(about 28 s left)")
+    assert shown._task.done / shown._task.total == 68 / 96
