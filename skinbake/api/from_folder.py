@@ -19,7 +19,7 @@ from skinbake.errors import InputError
 from skinbake.io.exr import channel_of, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.lobes import is_transmission
-from skinbake.io.manifest import NAME, read_manifest, spec_of, table_of
+from skinbake.io.manifest import NAME, irradiance_files, read_manifest, spec_of, table_of
 from skinbake.io.relight import read_use, transfer_of
 from skinbake.io.scene_files import read_scene
 from skinbake.relight.transfer import Transfer
@@ -78,6 +78,7 @@ class _FolderPixels:
             return (FIRST_TILE,)
         relight = self.manifest["relight"] is not None
         files = self.manifest["irradiance"] or (read_use(self.folder)["files"].values() if relight else ())
+        files = files or self.manifest["lobes"][0].get("tiles", {}).values()
         try:
             return tuple(int(Path(file).stem.rpartition(".")[2]) for file in files)
         except ValueError as error:
@@ -86,7 +87,7 @@ class _FolderPixels:
             ) from error
 
     def irradiance(self, tile: int, light: str | None) -> Image:
-        return self._read(self.manifest["irradiance"][self.tiles.index(tile)], light)
+        return self._read(irradiance_files(self.manifest, self.folder)[self.tiles.index(tile)], light)
 
     def lobe(self, index: int, tile: int, light: str | None) -> Image:
         entry = self.manifest["lobes"][index]

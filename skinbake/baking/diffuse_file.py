@@ -48,7 +48,11 @@ def diffuse_file(spec: SceneSpec, irradiance: str, force: bool = False, verbosit
     ):
         baked = pipeline.bake(stages)
         bake.results.finish_writing()
-        manifest = manifest_of(bake.inputs, bake.results, bake.log, baked) | {"lights": list(maps[0].lights)}
+        bake.results.remove_own_picture()  # of other lobes
+        own = bake.results.irradiance_paths()
+        arriving = [own[tile].name for tile, path in paths.items() if own[tile].exists() and own[tile].samefile(path)]
+        manifest = manifest_of(bake.inputs, bake.results, bake.log, baked)
+        manifest |= {"lights": list(maps[0].lights), "irradiance": arriving}
         finish_manifest(bake.results, manifest)
     report(bake.log, baked, (manifest["error"] or {}).get("model"), bake.inputs.texture_size.lost)
     refuse_missed(spec, baked)

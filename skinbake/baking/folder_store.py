@@ -128,6 +128,11 @@ class FolderStore:
             others.discard(PICTURE)
         self._files.remove(others)
 
+    def remove_own_picture(self) -> None:
+        """Remove the picture that a bake has drawn, unless somebody has drawn another one since."""
+        if self._picture_note()[1:] == self._picture_digest():
+            self._files.remove({PICTURE, PICTURE_KEY})
+
     # The profile
 
     def fit(self, key: str) -> GaussianSum | None:

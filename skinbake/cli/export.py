@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from skinbake.cli.options import Output, bake_folder, quiet_option
+from skinbake.cli.options import Output, changed_since, named_look, quiet_option
 
 
 @click.command("export")
 @click.argument("folder", type=click.Path())
-@click.option("--to", type=Output(), required=True, help="Folder to write to; made where there is none.")
+@click.option("--to", type=Output(file_okay=False), required=True, help="Folder to write to; made where there is none.")
 @click.option("--sum", is_flag=True, help="sum.exr and sum.png: the light that leaves the skin, added up.")
 @click.option("--layers", is_flag=True, help="Each texture as an EXR of one part, channels R G B.")
 @click.option("--gltf", is_flag=True, help="skin.glb: the head with its light, for any viewer.")
@@ -34,7 +34,8 @@ def command(folder: str, to: str, verbosity: int, **kinds: bool) -> None:
     if not wanted:
         *some, last = (f"--{kind}" for kind in kinds)
         raise InputError(f"export: expected one or more of {', '.join(some)} and {last}, got none")
-    folder = bake_folder(folder)
+    named, look = folder, named_look(folder)
+    folder = look.output.dir if look else folder
     folder = str(Path(folder).parent) if Path(folder).name == MANIFEST else folder
     if not Path(folder).is_dir():
         raise InputError(
@@ -45,6 +46,8 @@ def command(folder: str, to: str, verbosity: int, **kinds: bool) -> None:
         raise InputError(f"{folder}: expected one bake, got several: {', '.join(frames[:5])} ...; name one")
     refuse_own_exports(Path(to))
     progress = Progress(verbosity > 0)
+    for line in changed_since(look, named):
+        progress.line(line)
     with progress.task("exporting"):
         written = write_exports(Path(folder), wanted, Path(to), progress.line)
     if verbosity:

@@ -37,8 +37,26 @@ class Within(click.FloatRange):
         return number
 
 
+_FILES = {".png", ".jpg", ".jpeg", ".exr", ".mp4", ".gif", ".glb", ".gltf", ".html", ".json", ".csv", ".py", ".yaml"}
+
+
 class Output(click.Path):
-    """A file or folder to write to. An empty text, as of a variable that is not set, is not the folder one is in."""
+    """A file or folder to write to.
+
+    An empty text, as of a variable that is not set, is not the folder one is in, and a name that ends as a file's is no
+    folder to be made.
+
+    Parameters
+    ----------
+    instead : str
+        What one may have meant, where a folder is asked for and a file is named.
+    **how
+        As of `click.Path`.
+    """
+
+    def __init__(self, instead: str = "", **how: Any) -> None:
+        super().__init__(**how)
+        self._instead = instead
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path.
@@ -55,6 +73,9 @@ class Output(click.Path):
         """
         if not str(value):
             self.fail("expected a path, got an empty text; is a variable not set?", param, ctx)
+        path = Path(str(value))
+        if self.dir_okay and not self.file_okay and path.suffix.lower() in _FILES and not path.exists():
+            self.fail(f"expected a folder, got a file's name, {value}{self._instead}", param, ctx)
         return super().convert(value, param, ctx)
 
 
@@ -68,13 +89,30 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Report as JS
 force_option = click.option("--force", is_flag=True, help="Run every stage, also those whose inputs have not changed.")
 
 
-def bake_folder(path: str) -> str:
-    """Where a bake lies that is named by its folder or by its look."""
+def named_look(path: str) -> SceneSpec | None:
+    """The look whose bake is meant, where it is named by that, not by its folder."""
     if Path(path).suffix.lower() not in (".yaml", ".yml") or Path(path).is_dir():
-        return path
+        return None
     from skinbake.io.config import load_look
 
-    return load_look(path, files=False).output.dir
+    return load_look(path, files=False)
+
+
+def changed_since(look: SceneSpec | None, named: str) -> list[str]:
+    """A line to say where a look has other words than its bake, which is what is shown; none where it has not.
+
+    Parameters
+    ----------
+    look : SceneSpec, optional
+        As `named_look` gives it.
+    named : str
+        Its file.
+    """
+    from skinbake.io.manifest import changed_keys, read_manifest
+
+    keys = changed_keys(look, read_manifest(look.output.dir), look.output.dir) if look else []
+    told = f"warning  {named}: its bake is of another {', '.join(keys)}; bake it again to see what it says now"
+    return [told] if keys else []
 
 
 def lit(look: SceneSpec) -> SceneSpec:

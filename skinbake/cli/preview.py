@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinbake.cli.options import Output, Within, bake_folder, quiet_option
+from skinbake.cli.options import Output, Within, changed_since, named_look, quiet_option
 from skinbake.cli.preview_arguments import later_light, parse_lights, parse_names, parse_size, relit_controls
 from skinbake.errors import ConfigError, InputError, printable
 
@@ -15,11 +15,16 @@ if TYPE_CHECKING:
     from skinbake.io.bake_folder import BakeFolder
     from skinbake.preview.relit import LaterLight
     from skinbake.preview.scene import PreviewScene
+    from skinbake.scene.output import PreviewSpec
 
 
 @click.command("preview")
 @click.argument("folder", type=click.Path())
-@click.option("--out", type=Output(file_okay=False), help="Folder for pictures, named after their views.")
+@click.option(
+    "--out",
+    type=Output(file_okay=False, instead="; --png names one picture"),
+    help="Folder for pictures, named after their views.",
+)
 @click.option("--png", type=Output(dir_okay=False), help="One picture, to this file.")
 @click.option("--exr", is_flag=True, help="Also write linear float EXRs beside the PNGs.")
 @click.option(
@@ -80,13 +85,15 @@ def command(
 ) -> None:
     """Show what a bake left in FOLDER, or in the folder of the look FOLDER.yaml: in a window, or as pictures.
 
+    Of a look, its `preview:` is as it stands now; what else has changed since the bake is told.
     Pictures come with --out, --png, --exr, --views, --turntable or --compare.
     Without a display, writes FOLDER/preview.png. With --environment or --sun, which replace its lights, the look of the
     bake must have `relight:`.
     """
     from skinbake.preview.platform import has_display
 
-    named, folder = folder, bake_folder(folder)
+    named, look = folder, named_look(folder)
+    folder = look.output.dir if look else folder
     gains = parse_lights(lights)
     pixels = parse_size(size) if size else None
     pictures = bool(out or png or exr or views or turntable or compare)
@@ -111,6 +118,9 @@ def command(
         raise InputError("--turn light: expected --turntable N beside it, whose frames it is for")
     if movie:
         _refuse_movie(movie, turntable, png, parse_names(views))
+    _refuse_unknown(folder, mode, gains, parse_names(views), later is not None)
+    for line in changed_since(look, named) if verbosity else ():
+        click.echo(printable(line), err=True)
     if not pictures and has_display():
         from skinbake.baking.window_actions import window_actions
         from skinbake.io.bake_folder import read_bake_folder, read_relit_folder
@@ -126,9 +136,11 @@ def command(
         if skin is not None:
             skins.insert(0, other_skin(baked, skin))
             scene = shown_with(baked, skin, verbosity)
-        actions = window_actions(Path(folder), None if named == folder else Path(named))
+        actions = window_actions(Path(folder), Path(named) if look else None)
         relit = relit_controls(later, environment)
-        window = PreviewWindow(scene, baked.spec.preview, pixels, mode, gains, exposure, relit, skins, actions)
+        window = PreviewWindow(
+            scene, (look or baked.spec).preview, pixels, mode, gains, exposure, relit, skins, actions
+        )
         progress.line(f"drawn by {renderer_words(window.device)}; H shows the keys")
         window.run()
         return
@@ -152,7 +164,35 @@ def command(
         skin=skin,
         turn=turn,
         verbosity=verbosity,
+        look=look.preview if look else None,
     )
+
+
+def _refuse_unknown(folder: str, mode: str, gains: dict[str, list[float]], views: list[str], later: bool) -> None:
+    """Stop at names that the bake has not, before its textures are read.
+
+    Parameters
+    ----------
+    folder : str
+    mode : str
+    gains : mapping of light name to RGB
+    views : list of str
+    later : bool
+        Whether lights that come later are shown.
+
+    Raises
+    ------
+    InputError
+    """
+    from skinbake.io.bake_folder import lights_of, look_of_bake
+    from skinbake.preview.camera import refuse_unknown_views
+    from skinbake.preview.mode import parse_mode
+    from skinbake.preview.shader_light import gains_of_lights
+
+    _, manifest, spec = look_of_bake(folder)
+    refuse_unknown_views(views)
+    parse_mode(mode, 1 if later or not manifest["lobes"] else len(manifest["lobes"]))
+    gains_of_lights(lights_of(manifest, spec), spec.output.separate_lights, gains)
 
 
 def _refuse_movie(movie: str, turntable: int | None, png: str | None, views: list[str]) -> None:
@@ -183,6 +223,7 @@ def render_still(
     later: LaterLight | None = None,
     skin: str | None = None,
     verbosity: int = 0,
+    look: PreviewSpec | None = None,
     **how: Any,
 ) -> list[Path]:
     """Render pictures of a bake folder; their paths.
@@ -198,6 +239,8 @@ def render_still(
     skin : str, optional
         Name or file of another skin on the same lobes.
     verbosity : int
+    look : PreviewSpec, optional
+        What is not said otherwise; that of the bake unless given.
     **how
         As `preview_worker.render`.
     """
@@ -223,7 +266,7 @@ def render_still(
     progress.line(f"drawn by {renderer_words(renderer.device)}")
     with renderer:
         return render(
-            renderer, baked.spec.preview, out, gains=gains, progress=progress, inputs=inputs, later=later, **how
+            renderer, look or baked.spec.preview, out, gains=gains, progress=progress, inputs=inputs, later=later, **how
         )
 
 

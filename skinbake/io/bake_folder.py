@@ -16,7 +16,7 @@ from skinbake.io.exr import Part, channel_of, read_parts
 from skinbake.io.irradiance import LIGHT, TOTAL
 from skinbake.io.lobes import is_transmission
 from skinbake.io.look_maps import read_look_maps
-from skinbake.io.manifest import NAME, read_manifest, spec_of, table_of
+from skinbake.io.manifest import NAME, irradiance_files, read_manifest, spec_of, table_of
 from skinbake.io.mesh import read_look_mesh
 from skinbake.io.relight import transfer_of
 from skinbake.kernels.half import as_half
@@ -51,18 +51,21 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
     InputError
         Something is missing or does not fit the manifest; the message says what, and that a new bake mends it.
     """
-    folder, manifest, spec = _look_of(path)
+    folder, manifest, spec = look_of_bake(path)
     if not manifest["lobes"]:
         raise InputError(
             f"{folder}: expected a bake with lights, got one for those that come later: give --environment or --sun"
         )
-    names = tuple(manifest["lights"] or [light.name for light in spec.lights])
+    files, names = irradiance_files(manifest, folder), lights_of(manifest, spec)
     if names != tuple(light.name for light in spec.lights):
-        raise InputError(f"{folder / NAME}: expected lights {[light.name for light in spec.lights]}, got {list(names)}")
+        raise InputError(
+            f"{folder / NAME}: expected the lights of its look, {', '.join(light.name for light in spec.lights)}, got "
+            f"{', '.join(names)}, as `skinbake diffuse` makes lobes of light that it is given"
+        )
     separate = spec.output.separate_lights and not summed
 
     irradiance, visibility = {}, {}
-    for tile, file in _tiled(manifest["irradiance"], spec):
+    for tile, file in _tiled(files, spec):
         parts = read_parts(folder / file)
         irradiance[tile] = _layers(folder / file, parts, [LIGHT + name for name in names])
         visibility[tile] = np.stack([channel_of(folder / file, parts, LIGHT + name, "visibility") for name in names])
@@ -97,7 +100,7 @@ def read_relit_folder(path: Path | str) -> BakeFolder:
     InputError
         There is no such bake, or something is missing or damaged.
     """
-    folder, manifest, spec = _look_of(path)
+    folder, manifest, spec = look_of_bake(path)
     if not manifest["relight"]:
         raise InputError(f"{folder}: expected a bake with relight: in its look, got one without")
     transfer = transfer_of(folder)
@@ -111,7 +114,12 @@ def read_relit_folder(path: Path | str) -> BakeFolder:
     return BakeFolder(folder, spec, scene)
 
 
-def _look_of(path: Path | str) -> tuple[Path, dict[str, Any], SceneSpec]:
+def lights_of(manifest: dict[str, Any], spec: SceneSpec) -> tuple[str, ...]:
+    """Names of the lights that a bake holds."""
+    return tuple(manifest["lights"] or [light.name for light in spec.lights])
+
+
+def look_of_bake(path: Path | str) -> tuple[Path, dict[str, Any], SceneSpec]:
     """Folder, manifest and look of a bake, named by its folder or its bake.json.
 
     Raises

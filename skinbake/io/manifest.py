@@ -105,8 +105,8 @@ class _Manifest(Record):
 
     @model_validator(mode="after")
     def _something(self) -> _Manifest:
-        if not self.relight and not (self.lobes and self.irradiance):
-            raise ValueError("expected lobes and irradiance, or relight, got none")
+        if not self.relight and not self.lobes:
+            raise ValueError("expected lobes, or relight, got none")
         return self
 
 
@@ -124,6 +124,51 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
         The folder has none, or it is not ours.
     """
     return read_record(Path(folder) / NAME, _Manifest, f"a bake folder with {NAME} in it")
+
+
+def irradiance_files(manifest: Mapping[str, Any], folder: Path | str) -> list[str]:
+    """Names of the files of light arriving, one a tile.
+
+    Raises
+    ------
+    InputError
+        The folder holds lobes of light that lies elsewhere.
+    """
+    names: list[str] = manifest["irradiance"]
+    if not any((Path(folder) / name).exists() for name in names):
+        raise InputError(
+            f"{folder}: expected a whole bake, got lobes without the light that arrives, as `skinbake diffuse` leaves "
+            "them; `skinbake bake` writes both"
+        )
+    return names
+
+
+def changed_keys(look: SceneSpec, manifest: Mapping[str, Any], folder: Path | str) -> list[str]:
+    """Keys, dotted, in which a look says otherwise than a bake of it, but for `preview` and `output`.
+
+    Parameters
+    ----------
+    look : SceneSpec
+        As it is now.
+    manifest : mapping
+        Of the bake.
+    folder : path
+        Where that lies.
+    """
+    baked = portable_config(spec_of(manifest, folder), Path(folder))
+    return [
+        ".".join(key)
+        for key in _differing(portable_config(look, Path(folder)), baked)
+        if key[0] not in ("preview", "output")
+    ]
+
+
+def _differing(one: Any, other: Any, key: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Keys of what two mappings have not in common; lists are compared whole."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        names = dict.fromkeys((*one, *other))
+        return [found for name in names for found in _differing(one.get(name), other.get(name), (*key, name))]
+    return [] if one == other else [key]
 
 
 def table_of(manifest: Mapping[str, Any], folder: Path | str) -> WeightTable | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,6 +114,18 @@ def camera_of(mesh: SkinMesh, look: PreviewSpec, aspect: float) -> Camera:
     return Camera(np.array(own.target_mm, np.float64), own.distance_mm, own.azimuth_deg, own.elevation_deg)
 
 
+def refuse_unknown_views(names: Iterable[str]) -> None:
+    """Stop at a view that there is not.
+
+    Raises
+    ------
+    InputError
+    """
+    for name in names:
+        if name not in VIEWS:
+            raise InputError(f"--views: expected {', '.join(VIEWS)}, got {name}")
+
+
 def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
     """Camera of a named view of a mesh.
 
@@ -131,8 +144,7 @@ def view(mesh: SkinMesh, name: str, aspect: float) -> Camera:
     InputError
         For an unknown name.
     """
-    if name not in VIEWS:
-        raise InputError(f"--views: expected {', '.join(VIEWS)}, got {name}")
+    refuse_unknown_views([name])
     positions = mesh.positions_mm[np.unique(mesh.faces)]
     low, high = positions.min(0), positions.max(0)
     if name in ANGLES:

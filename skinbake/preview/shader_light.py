@@ -83,18 +83,29 @@ Gains = Mapping[str, "float | Sequence[float]"]
 
 
 def gains_rgb(scene: PreviewScene, gains: Gains | None) -> Float:
+    """Factor on each light of a scene, as `gains_of_lights`."""
+    return gains_of_lights([light.name for light in scene.lights], scene.separate, gains)
+
+
+def gains_of_lights(names: Sequence[str], separate: bool, gains: Gains | None) -> Float:
     """Factor on each light, shape (L, 3): 1 where `gains` does not name it.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the lights.
+    separate : bool
+        Whether each light was stored on its own.
+    gains : mapping of light name to float or RGB, optional
 
     Raises
     ------
     InputError
         A name that is no light of the look, a gain that is negative or not finite, or a bake that summed its lights.
     """
-    lights = scene.lights
-    if gains and not scene.separate:
+    if gains and not separate:
         raise InputError("--lights: this bake summed its lights; bake with output.lights: separate to change them live")
-    rgb = np.ones((len(lights), 3))
-    names = [light.name for light in lights]
+    rgb = np.ones((len(names), 3))
     for name, gain in (gains or {}).items():
         if name not in names:
             raise InputError(f"--lights: expected names among {', '.join(names)}, got {name}")

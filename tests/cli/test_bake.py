@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 
 import numpy as np
 import pytest
 from scipy.special import erf
 
+from skinbake.api import open_bake
 from skinbake.cli import run
 from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, write_parts
+from skinbake.io.manifest import read_manifest
 from skinbake.io.mesh import write_obj
 from tests.shapes import joined, quad, relief, sphere
 
@@ -198,6 +201,23 @@ def test_a_damaged_manifest_is_written_anew(scene):
             path.write_text(json.dumps(damaged))
             bake(look)
             assert json.loads(path.read_text()).keys() == whole.keys(), key
+
+
+def test_lobes_of_given_light_are_no_whole_bake(scene, tmp_path, capsys):
+    """Neither in a folder of their own nor in place of a bake's, whose picture and light would be of other lobes."""
+    look = scene()
+    out = bake(look)
+    light = tmp_path / "light.exr"
+    shutil.copy(out / "irradiance.exr", light)
+    for folder in (tmp_path / "apart", shutil.copytree(out, tmp_path / "over")):
+        assert run(["diffuse", str(look), str(light), "--out", str(folder), "--quiet"]) == 0
+        assert not (folder / "preview.png").exists()
+        assert read_manifest(folder)["irradiance"] == []
+        for verb in (["preview", folder, "--png", tmp_path / "a.png"], ["export", folder, "--web", "--to", tmp_path]):
+            assert run(list(map(str, verb))) == 2
+            assert "expected a whole bake, got lobes without the light that arrives" in capsys.readouterr().err
+        assert open_bake(folder).tiles == open_bake(out).tiles
+        assert run(["export", str(folder), "--sum", "--to", str(folder / "sum"), "--quiet"]) == 0
 
 
 def test_any_irradiance_exr_can_be_diffused(scene, tmp_path):

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from skinbake.baking.warnings import EMPTY_PICTURE
 from skinbake.cli import run
@@ -172,6 +173,64 @@ def test_bad_options_are_refused_in_words(bake, monkeypatch, capsys, options, me
     monkeypatch.delenv("DISPLAY", raising=False)
     assert run(["preview", str(bake), *options]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_of_a_look_its_preview_is_as_it_stands(tmp_path, monkeypatch, capsys):
+    """A camera that was edited is seen at once; a light that was edited is told to want another bake."""
+    if renderer_name() is None:
+        pytest.skip("no headless OpenGL here (python -m skinbake.preview.setup_gl)")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    folder, look = write_bake(tmp_path), tmp_path / "look.yaml"
+    assert run(["preview", str(look), "--png", str(tmp_path / "before.png")]) == 0
+    assert "warning" not in capsys.readouterr().err
+    changed = yaml.safe_load(look.read_text())
+    changed["preview"] = {"size": [50, 70], "view": "left"}
+    look.write_text(yaml.safe_dump(changed))
+    assert run(["preview", str(look), "--png", str(tmp_path / "after.png")]) == 0
+    assert "warning" not in capsys.readouterr().err
+    assert run(["preview", str(folder), "--png", str(tmp_path / "left.png"), "--views", "left", "--size", "50x70"]) == 0
+    np.testing.assert_array_equal(picture(tmp_path / "after.png"), picture(tmp_path / "left.png"))
+    changed["lights"][0]["irradiance"] = [1, 1, 1]
+    changed["texture"]["size"] = 64
+    look.write_text(yaml.safe_dump(changed))
+    for verb in (
+        ["preview", str(look), "--png", str(tmp_path / "a.png")],
+        ["export", str(look), "--to", str(tmp_path)],
+    ):
+        run([*verb, *(["--sum"] if verb[0] == "export" else [])])
+        assert "look.yaml: its bake is of another texture.size, lights; bake it again" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--views", "top"], "--views: expected front"),
+        (["--lights", "kicker=1"], "expected names among key, rim, got kicker"),
+        (["--mode", "lobe:2"], "lobe:0 ... lobe:1, got lobe:2"),
+    ],
+)
+def test_names_that_there_are_not_are_refused_before_textures_are_read(tmp_path, capsys, options, message):
+    folder = write_bake(tmp_path)
+    (folder / "lobe_0.exr").unlink()
+    assert run(["preview", str(folder), "--png", str(tmp_path / "a.png"), *options]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("verb", "name", "hint"),
+    [
+        (["preview", "--out"], "p.png", "; --png names one picture"),
+        (["export", "--gltf", "--to"], "head.glb", ""),
+    ],
+)
+def test_a_folder_does_not_get_a_files_name(tmp_path, capsys, verb, name, hint):
+    """Unless there is one already."""
+    there = str(tmp_path / name)
+    assert run([*verb, there, str(tmp_path / "bake")]) == 2
+    assert f"expected a folder, got a file's name, {there}{hint}" in capsys.readouterr().err
+    (tmp_path / name).mkdir()
+    assert run([*verb, there, str(tmp_path / "bake")]) == 2
+    assert "expected a bake folder, found none" in capsys.readouterr().err
 
 
 def test_a_folder_without_a_bake_is_refused(tmp_path, monkeypatch, capsys):
