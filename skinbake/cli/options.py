@@ -74,8 +74,11 @@ class Output(click.Path):
         if not str(value):
             self.fail("expected a path, got an empty text; is a variable not set?", param, ctx)
         path = Path(str(value))
-        if self.dir_okay and not self.file_okay and path.suffix.lower() in _FILES and not path.exists():
-            self.fail(f"expected a folder, got a file's name, {value}{self._instead}", param, ctx)
+        if self.dir_okay and not self.file_okay and not path.is_dir():
+            if path.exists():
+                self.fail(f"expected a folder, got a file, {value}{self._instead}", param, ctx)
+            if path.suffix.lower() in _FILES:
+                self.fail(f"expected a folder, got a file's name, {value}{self._instead}", param, ctx)
         return super().convert(value, param, ctx)
 
 

@@ -215,7 +215,7 @@ def test_what_cannot_be_shown_is_refused_at_the_start(folder, tmp_path):
     assert "expected a folder that can be written to" in watched.log.read_text()
     for more, said in (
         (["--out", str(tmp_path / "out")], "that skinbake has not written"),
-        (["--out", str(tmp_path / "file")], "is a file"),
+        (["--out", str(tmp_path / "file")], "expected a folder, got a file"),
         (["--set", "texture.siz=64"], "did you mean size?"),
     ):
         watched = Watched(folder, *more)

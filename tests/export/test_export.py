@@ -103,7 +103,7 @@ def test_an_export_again_is_the_same_and_only_its_own_files_are_replaced(bake, t
         (["--to", "x"], "expected one or more of --sum, --layers, --gltf, --blender and --web"),
         (["--to", "", "--sum"], "expected a path, got an empty text; is a variable not set?"),
         (["--to", "{bake}", "--sum"], "expected a folder of its own to export to, got one with a bake"),
-        (["--to", "{bake}/bake.json", "--sum"], "expected a folder to export to, got a file"),
+        (["--to", "{bake}/bake.json", "--sum"], "expected a folder, got a file, "),
         (["--to", "x", "--sum", "nothing"], "nothing: expected a bake folder, found none; `skinbake bake CONFIG"),
     ],
 )
