@@ -11,6 +11,8 @@ from skinbake.errors import ConfigError
 from skinbake.io.look_paths import resolve_paths
 from skinbake.io.yaml_lines import Located, dotted, parse_value
 
+_ONE_KNOB = {"tolerance": ("diffusion", "tolerance"), "diffusion.tolerance": ("tolerance",)}  # names of one value
+
 
 def apply_overrides(located: Located, overrides: Iterable[str]) -> None:
     """Apply `dotted.key=value` strings in place; lists by index (`lights.0`) or by name (`lights.key`).
@@ -24,8 +26,20 @@ def apply_overrides(located: Located, overrides: Iterable[str]) -> None:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise ConfigError([f"--set {text}: expected dotted.key=value"])
-        put(located, name.strip(), parse_value(value, f"--set {name.strip()}"), f"--set {name.strip()}")
-        resolve_paths(located, Path.cwd(), only=f"--set {name.strip()}")
+        name, place = name.strip(), f"--set {name.strip()}"
+        put(located, name, given := parse_value(value, place), place)
+        if name in _ONE_KNOB and given is not None:
+            _drop(located.value, _ONE_KNOB[name])
+        resolve_paths(located, Path.cwd(), only=place)
+
+
+def _drop(mapping: Any, key: tuple[str, ...]) -> None:
+    """Take away a key, whose value has been said by its other name since."""
+    if isinstance(mapping, dict) and key[0] in mapping:
+        if len(key) > 1:
+            _drop(mapping[key[0]], key[1:])
+        else:
+            del mapping[key[0]]
 
 
 def put(located: Located, name: str, value: Any, place: str) -> None:

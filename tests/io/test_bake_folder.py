@@ -69,5 +69,5 @@ def test_what_is_missing_is_named(tmp_path):
         read_bake_folder(out)
     manifest = json.loads((out / "bake.json").read_text())
     (out / "bake.json").write_text(json.dumps(manifest | {"lights": ["key"]}))
-    with pytest.raises(InputError, match="expected lights"):
+    with pytest.raises(InputError, match="expected the lights of its look, key, rim, got"):
         read_bake_folder(out)

@@ -139,6 +139,18 @@ def test_a_misspelt_key_of_a_light_is_not_missed_as_well(look):
     assert both[1].startswith("unknown key; expected one of ")
 
 
+@pytest.mark.parametrize("own", ["tolerance: 0.05", "diffusion: {tolerance: 0.05}"])
+@pytest.mark.parametrize("name", ["tolerance", "diffusion.tolerance"])
+def test_either_name_of_the_tolerance_overrides_the_files_own(look, own, name):
+    """As `tradeoff` does, which knows only one of them; of several overrides the last one counts. A file says one."""
+    path = look(LOOK + own + "\n")
+    assert read(path, [f"{name}=0.01"]).diffusion.tolerance == 0.01
+    assert read(path, ["diffusion.tolerance=0.02", "tolerance=0.03", f"{name}=0.01"]).diffusion.tolerance == 0.01
+    assert read(path, ["tolerance=null"]).diffusion.tolerance == (0.05 if own.startswith("diffusion") else 0.01)
+    both = look(LOOK + "tolerance: 0.05\ndiffusion: {tolerance: 0.01}\n")
+    assert "or one of the two" in faults(both)[0]
+
+
 def test_overrides_are_named_in_their_faults(look):
     """A fault that came from the command line does not blame the file."""
     assert faults(look(), "texture.size=0")[0].startswith("--set texture.size: texture.size")
