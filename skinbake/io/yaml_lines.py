@@ -96,7 +96,7 @@ def parse_yaml(text: str, name: str) -> Located:
         faults = list(_walk(node, (), place, places, set()))
         if faults:
             raise ConfigError(faults)
-        return Located(SafeConstructor().construct_document(node), places)
+        return Located(_tree(SafeConstructor().construct_document(node)), places)
 
 
 def parse_value(text: str, name: str) -> Any:
@@ -120,7 +120,14 @@ def parse_value(text: str, name: str) -> Any:
         faults = list(_walk(node, (), place, {}, set()))
         if faults:
             raise ConfigError(faults)
-        return SafeConstructor().construct_document(node)
+        return _tree(SafeConstructor().construct_document(node))
+
+
+def _tree(value: Any) -> Any:
+    """The value without parts that stand in it twice, as aliases do: what is set in one of them stays there."""
+    if isinstance(value, dict):
+        return {key: _tree(inner) for key, inner in value.items()}
+    return [_tree(inner) for inner in value] if isinstance(value, list) else value
 
 
 def _has_comment(text: str) -> bool:

@@ -183,6 +183,14 @@ def test_what_is_merged_is_looked_through():
     assert found.place(("c", "b")) == "look.yaml:3"
 
 
+def test_what_an_alias_stands_for_is_a_copy():
+    """A batch that set one of them by a dotted key had set the other, too."""
+    text = "{a: &a {b: [1]}, c: *a}"
+    for value in (parse_yaml(text, "look.yaml").value, parse_value(text, "--set x")):
+        value["a"]["b"][0] = 2
+        assert value["c"] == {"b": [1]}
+
+
 def test_the_first_of_several_that_are_merged_goes_before_later_ones():
     """As YAML has it; PyYAML 6.0.4 lets the last one win where a key is longer than a letter."""
     text = "a: &a {size: 1}\nb: &b {<<: *a, gutter: 2}\nc: {<<: [*b, {size: 3, gutter: 4, on: 5}], tx: 6}\nd: *b\n"
