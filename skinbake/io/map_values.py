@@ -133,10 +133,9 @@ def _normals(of: NormalMapSpec | DetailMapSpec, path: Path, stored: StoredImage)
         )
     encoding: str = of.encoding
     if encoding == "auto":
-        is_integer = np.issubdtype(stored.pixels.dtype, np.integer)
-        encoding = (
-            "unsigned" if is_integer else _encoding(path, values[~(clear_texels(stored) | black_texels(stored))], two)
-        )
+        painted = ~(clear_texels(stored) | black_texels(stored))
+        integers = {"u": "unsigned", "i": "signed"}
+        encoding = integers.get(stored.pixels.dtype.kind) or _encoding(path, values[painted], two)
     if encoding == "unsigned":
         values *= 2
         values -= 1

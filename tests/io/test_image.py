@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+import tifffile
 
 from skinbake.atlas import on_charts
 from skinbake.bilinear import magnify_bilinear
@@ -219,6 +220,14 @@ def test_two_channels_are_normals_whose_z_is_rebuilt(tmp_path, case):
     elif path.suffix == ".exr":
         with pytest.raises(InputError, match="say encoding: unsigned or signed"):
             read_maps(MapsSpec(normal=str(path)))
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.int16])
+def test_integers_with_a_sign_are_normals_as_they_are(tmp_path, kind):
+    """A TIFF of them was taken for 0 ... 1, and all its normals were wrong."""
+    exact, top = directions(400, 0.4), np.iinfo(kind).max
+    tifffile.imwrite(tmp_path / "n.tif", np.rint(top * exact).astype(kind), photometric="rgb")
+    np.testing.assert_allclose(read_maps(MapsSpec(normal=str(tmp_path / "n.tif"))).normal[1001], exact, atol=0.51 / top)
 
 
 def test_two_channels_are_no_normals_in_object_space(tmp_path):

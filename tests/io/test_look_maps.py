@@ -281,7 +281,7 @@ OBJ = "v 0 0 0 {0}\nv 9 0 0 {0}\nv 0 9 0 {0}\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 
 def write_coloured(folder, kind):
     """A triangle whose vertices have the sRGB colour 200 130 100; the path."""
     if kind.startswith("ply"):
-        rgb, named = {"ply uchar": ("200 130 100", "uchar"), "ply float": (" ".join(map(str, RGB)), "float")}[kind]
+        rgb, named = {"float": " ".join(map(str, RGB))}.get(kind[4:], "200 130 100"), kind[4:]
         (folder / "head.ply").write_text(PLY.format(kind=named, rgb=rgb))
         return folder / "head.ply"
     if kind == "obj":
@@ -301,7 +301,7 @@ def write_coloured(folder, kind):
 VERTICES = LOOK.replace("maps: file", "maps: {vertex_colors: true}")
 
 
-@pytest.mark.parametrize("kind", ["ply uchar", "ply float", "obj", "glb float", "glb ushort"])
+@pytest.mark.parametrize("kind", ["ply uchar", "ply int", "ply uint", "ply float", "obj", "glb float", "glb ushort"])
 def test_colours_of_vertices(tmp_path, kind):
     """sRGB in PLY and OBJ, linear in glTF: the same linear colour at every texel of the skin."""
     path = write_coloured(tmp_path, kind)
@@ -332,11 +332,12 @@ def test_colours_of_vertices_multiply_the_base_colour(tmp_path):
 
 
 def test_colours_that_are_not_there_are_refused(tmp_path):
-    """A mesh without any, one with colours in part, values beyond 1, and an albedo map as well."""
-    (tmp_path / "head.obj").write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    """A mesh without any (nobody knows what seven numbers are), colours in part, beyond 1, an albedo map as well."""
     obj = f"mesh.path={tmp_path}/head.obj"
-    with pytest.raises(InputError, match=r"head\.obj: maps\.vertex_colors: expected vertices with colours .* got none"):
-        scene(tmp_path, obj, text=VERTICES)
+    for numbers in ("", "1 0.5 0.2 0.1"):
+        (tmp_path / "head.obj").write_text(OBJ.format(numbers))
+        with pytest.raises(InputError, match=r"head\.obj: maps\.vertex_colors: expected vertices with .* got none"):
+            scene(tmp_path, obj, text=VERTICES)
     (tmp_path / "head.obj").write_text(OBJ.format("1 0.5 2"))
     with pytest.raises(InputError, match=r"expected colours from 0 to 1, got 0\.\d+ to \d"):
         scene(tmp_path, obj, text=VERTICES)

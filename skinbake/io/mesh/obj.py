@@ -77,10 +77,13 @@ def read_obj(path: Path) -> RawMesh:
 
 
 def _vertex_numbers(lines: _Lines) -> int:
-    """How many numbers of a vertex are wanted: 6 where a colour follows the position of the first one, else 3."""
+    """How many numbers of a vertex are wanted: 6 where a colour follows the position of the first one, else 3.
+
+    Of seven nobody knows whether they are x y z w r g b or x y z r g b a.
+    """
     first = np.flatnonzero(lines.kind == 1)[:1]
     words = [bytes(lines.buffer[lines.start[k] : lines.end[k]]).split() for k in first.tolist()]
-    return COLOURED if words and len(words[0]) >= COLOURED else 3
+    return COLOURED if words and len(words[0]) == COLOURED else 3
 
 
 def _plain(data: bytes) -> bytes:

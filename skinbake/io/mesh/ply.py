@@ -78,13 +78,17 @@ def read_ply(path: Path) -> RawMesh:
 
 
 def _colours(vertex: _Element) -> Float | None:
-    """Linear colours of the vertices, (V, 3): integers are fractions of their kind's largest, all of it sRGB."""
+    """Linear colours of the vertices, (V, 3), all of it sRGB: integers are fractions of their kind's largest.
+
+    Those of 32 bits, which hold what others have in a byte, are fractions of 255; larger ones are refused by whoever
+    asks for colours.
+    """
     kinds = {name: kind for name, of_list, kind in vertex.properties if not of_list}
     names = next((names for names in COLOURS if all(name in vertex.scalars for name in names)), None)
     if names is None:
         return None
     kind = np.dtype(kinds[names[0]])
-    largest = np.iinfo(kind).max if kind.kind in "iu" else 1
+    largest = 1 if kind.kind == "f" else 255 if kind.itemsize == 4 else np.iinfo(kind).max
     with np.errstate(over="ignore", invalid="ignore"):  # refused where they are asked for
         return srgb_to_linear(_columns(vertex, *names) / largest)
 
