@@ -17,6 +17,7 @@ from skinbake.diffuse.terms.bounced_light import (
     lights_at_once,
 )
 from skinbake.diffuse.terms.interreflection import decide_interreflection, receivers
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.diffuse.terms.skin_view import SkinView, look_around
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.scene.decision import Decision
@@ -55,36 +56,19 @@ def add_bounces(
     view : SkinView, optional
         Where it was looked around already.
     """
-    terms, udim = spec.terms, spec.texture.udim
-    if terms.interreflection == "off":
+    terms, texture = spec.terms, spec.texture
+    if terms.interreflection == "off":  # nothing that rays meet is made
         return [Decision("interreflection", False, "off")], None
+    skin = TexturedSkin(scene.mesh, scene.occluder, texture.size, texture.udim)
     mean_gain = np.mean(list(gain.values()), axis=0)
     lines, bounced = decide_interreflection(
-        scene.mesh,
-        scene.occluder,
-        names,
-        list(light.values()),
-        reflected,
-        atlas,
-        udim,
-        terms.interreflection,
-        limits,
-        mean_gain,
+        skin, names, list(light.values()), reflected, atlas, terms.interreflection, limits, mean_gain
     )
     if not any(line.enabled for line in lines):
         return lines, None
     kept = [i for i, line in enumerate(lines) if line.enabled]
     taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
-    view = view or look_around(
-        scene.mesh,
-        scene.occluder,
-        spec.texture.size,
-        spec.texture.gutter,
-        udim,
-        taken.width_mm,
-        taken.rays,
-        taken.with_neighbours,
-    )
+    view = view or look_around(skin, texture.gutter, taken.width_mm, taken.rays, taken.with_neighbours)
     seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
     bounces, at_once = {}, lights_at_once(view, atlas[0].shape)
     for some in (kept[k : k + at_once] for k in range(0, len(kept), at_once)):

@@ -28,6 +28,7 @@ from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bo
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.even_share import hold_back, part_even_light
 from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflection
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts, TranslucentSkin
 from skinbake.diffuse.terms.transmission import TransmissionSwitch, plainly_dark, transmit
@@ -151,10 +152,11 @@ class Scattering:
         even = [light[raster.tile][:1] for raster in self._atlas]
         # Light through thin parts is decided later, and has its share
         limits = [self._terms_left() / sqrt(2 if terms.transmission == "auto" else 1)]
+        skin = TexturedSkin(scene.mesh, scene.occluder, spec.texture.size, spec.texture.udim)
+        again = [self._again * colour for colour in self._reflected]
         lines, bounced = decide_interreflection(
-            scene.mesh, scene.occluder, ("relight",), even, [self._again * colour for colour in self._reflected],
-            self._atlas, spec.texture.udim, terms.interreflection, limits,
-        )  # fmt: skip
+            skin, ("relight",), even, again, self._atlas, terms.interreflection, limits
+        )
         if any(line.enabled for line in lines):
             self._say("relighting: skin that lights skin")
             self._enough = terms.bounces_for(limits[0], bounced[0].rms)

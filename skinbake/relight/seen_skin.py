@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits
+from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin
 from skinbake.diffuse.terms.skin_view import SkinView, numbered
-from skinbake.irradiance.scene_data import SceneData
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.relight.open_sky import OpenSky
@@ -21,16 +20,14 @@ RAYS = 128  # of a texel's 512 directions above the horizon; in the way of one i
 _TURN = 0.6180339887498949  # of neighbouring texels' rays against each other
 
 
-def seen_skin(sky: OpenSky, scene: SceneData, size: tuple[int, int], udim: bool) -> SkinView:
+def seen_skin(sky: OpenSky, full: TexturedSkin) -> SkinView:
     """Rays from each texel to `RAYS` of the sky's directions, traced on where they are not open.
 
     Parameters
     ----------
     sky : OpenSky
-    scene : SceneData
-    size : (width, height)
-        Of the texture whose texels are seen.
-    udim : bool
+    full : TexturedSkin
+        The texture whose texels are seen.
     """
     columns = np.ascontiguousarray(sky.towards.T)
     before, tile, flat, met_skin, in_first_half, parts = 0, [], [], [], [], []
@@ -43,9 +40,9 @@ def seen_skin(sky: OpenSky, scene: SceneData, size: tuple[int, int], udim: bool)
         hit = np.take_along_axis(share, way, axis=1) == 0 if sky.shadows else np.ones(way.shape, np.bool_)
         texel = np.nonzero(hit)[0]
         origin, towards = sky.origin[raster.tile][texel], sky.towards[way[hit]]
-        seen_tile, seen = locate_hits(scene.mesh, scene.occluder, size, udim, origin, towards)
+        seen_tile, seen = full.met_by(origin, towards)
         hit[hit] = seen != NOTHING
-        place = seen_tile.astype(np.int64) * (size[0] * size[1]) + seen
+        place = seen_tile.astype(np.int64) * (full.size[0] * full.size[1]) + seen
         parts.append((before + np.arange(len(share)), place[seen != NOTHING]))
         met_skin.append(hit.sum(axis=1))
         in_first_half.append(hit[:, : RAYS // 2].sum(axis=1))
@@ -54,7 +51,7 @@ def seen_skin(sky: OpenSky, scene: SceneData, size: tuple[int, int], udim: bool)
     counts = np.concatenate(met_skin), np.concatenate(in_first_half)
     point, normal = (np.concatenate([of[raster.tile] for raster in sky.atlas]) for of in (sky.origin, sky.normal))
     skin = np.asarray(point, np.float32), np.asarray(normal, np.float32)
-    return numbered(sky.atlas, *texels, *counts, parts, size, None, skin)
+    return numbered(sky.atlas, *texels, *counts, parts, full.size, None, skin)
 
 
 @kernel

@@ -9,8 +9,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import Atlas, Tiles, limited_size, rasterize
+from skinbake.atlas import Atlas, Tiles, limited_size
+from skinbake.atlas.look_atlas import look_atlas
 from skinbake.diffuse.memory import memory_needed_bytes
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.errors import MachineError
 from skinbake.irradiance.environment_share import NO_OIL
 from skinbake.irradiance.oil_albedo import oil_table
@@ -129,10 +131,10 @@ def make_transfer(
     lines += [line, *_left_out(spec)]
 
     say(f"relighting: {basis.textures} textures of {len(basis)} lights")
-    udim, texture = spec.texture.udim, full.texture
-    atlas = rasterize(scene.mesh, texture.size, texture.gutter, udim)
+    atlas = look_atlas(full.texture, scene.mesh)
     _check_memory(full, basis.textures + _lit_at_once(atlas, basis), len(atlas), len(skin.gaussians.variance_mm2))
-    look_around = cache(lambda: seen_skin(sky, scene, texture.size, udim))
+    textured = TexturedSkin(scene.mesh, scene.occluder, full.texture.size, full.texture.udim)
+    look_around = cache(lambda: seen_skin(sky, textured))
     scattering = Scattering(full, decisions, scene, atlas, skin, slant, look_around, say)
     textures = _scattered(scattering, atlas, scene, sky, passage, basis, say)
     lines += scattering.lines

@@ -12,6 +12,7 @@ from skinbake.bilinear import magnify_bilinear
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.terms.beam_shift import BeamShift
 from skinbake.diffuse.terms.curvature import MOST_GAIN, CurvedSkin, curve_skin, lobe_factors
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.irradiance.occluder import Occluder
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_gain
@@ -153,7 +154,9 @@ def test_a_shifted_beam_keeps_its_total():
     total = (area * arrives).sum(axis=(0, 1))
     gained = []
     for curvature in (None, curved.curvature_per_mm[1001]):
-        shift = BeamShift(raster, mesh, occluder, False, 0, SKIN.free_path_mm, 1.4, curvature)
+        shift = BeamShift(
+            raster, TexturedSkin(mesh, occluder, raster.shape[::-1]), 0, SKIN.free_path_mm, 1.4, curvature
+        )
         gained.append((area * shift.read(sun, arrives)).sum(axis=(0, 1)) / total - 1)
     # 4/3 of a free path over the radius and the index, to first order
     np.testing.assert_allclose(gained[0], 4 / 3 * SKIN.free_path_mm / 1.4 / RADIUS, rtol=0.15)

@@ -8,6 +8,7 @@ import pytest
 from skinbake.atlas import rasterize
 from skinbake.diffuse.terms.bounced_light import add_at_full_size, bounced_light
 from skinbake.diffuse.terms.interreflection import decide_interreflection, texels_by_area
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.irradiance.occluder import Occluder
 from skinbake.scene.mesh import SkinMesh
@@ -43,7 +44,7 @@ def plates(side_mm=40.0, apart_mm=40.0) -> SkinMesh:
 def test_a_cavity_lights_itself_by_the_geometric_series(bounces):
     """Every ray in a closed cavity meets it: E sum_k rho^k, everywhere alike, light by light."""
     mesh = cavity()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, 16)
+    view = look_around(TexturedSkin(mesh, Occluder(mesh), SIZE), 4, 4.0, 16)
     rho = np.array([0.8, 0.5, 0.2], np.float32)
     sent = np.ones((2, *SIZE, 3), np.float32) * rho
     sent[1] *= 3
@@ -58,7 +59,7 @@ def test_a_cavity_lights_itself_by_the_geometric_series(bounces):
 def test_bounces_go_on_until_the_rest_is_negligible():
     """A closed cavity's series is known: what is said to be left is the rest, and it is below what was asked for."""
     mesh = cavity()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, 16)
+    view = look_around(TexturedSkin(mesh, Occluder(mesh), SIZE), 4, 4.0, 16)
     for rho, negligible, bounces in ((0.5, 0.1, 5), (0.5, 0.3, 3), (0.2, 0.3, 1), (0.9, 0.001, 16)):
         grey = np.full((1, 1, 3), rho, np.float32)
         lit = bounced_light(view, [np.ones((1, *SIZE, 3), np.float32) * rho], [grey], 16, negligible)
@@ -70,7 +71,7 @@ def test_bounces_go_on_until_the_rest_is_negligible():
 def test_lights_together_are_what_each_is_alone():
     """To the bit, whenever each stops and whatever of it counts; in a number that fills no whole vector."""
     mesh = cavity()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 4.0, 16)
+    view = look_around(TexturedSkin(mesh, Occluder(mesh), SIZE), 4, 4.0, 16)
     rng = np.random.default_rng(2)
     sent, gain = rng.random((7, *SIZE, 3), np.float32), rng.uniform(0.5, 1, (7, 3)).astype(np.float32)
     grey, most, enough = (
@@ -91,7 +92,7 @@ def test_lights_together_are_what_each_is_alone():
 def test_two_plates_exchange_what_their_form_factor_says():
     """Equal squares a side apart: F = 0.1998 [Howell]; the lit one sends, the dark one receives and nothing else."""
     mesh = plates()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, 256)
+    view = look_around(TexturedSkin(mesh, Occluder(mesh), SIZE), 4, 2.0, 256)
     sent = np.zeros((1, *SIZE, 3), np.float32)
     sent[:, :, : SIZE[0] // 2] = 1
     got = bounced_light(view, [sent], [np.ones((1, 1, 3), np.float32)]).tiles[0][0, ..., 0]
@@ -112,7 +113,7 @@ def test_what_is_said_of_the_noise_is_what_it_was(with_neighbours):
     grey = [np.full((1, 1, 3), 0.5, np.float32)]
 
     def lit(rays, means):
-        view = look_around(mesh, occluder, SIZE, 4, False, 1.0, rays, means)
+        view = look_around(TexturedSkin(mesh, occluder, SIZE), 4, 1.0, rays, means)
         return view, bounced_light(view, [sent], grey)
 
     view, found = lit(64, with_neighbours)
@@ -128,7 +129,7 @@ def test_what_is_said_of_the_noise_is_what_it_was(with_neighbours):
 def test_light_that_few_rays_find_is_not_dotted():
     """A plate that sees the lit one as 1.9 % of its view, of which a texel's rays find one or none."""
     mesh = plates(40.0, 160.0)
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 1.0, 32)
+    view = look_around(TexturedSkin(mesh, Occluder(mesh), SIZE), 4, 1.0, 32)
     sent = np.zeros((1, *SIZE, 3), np.float32)
     sent[:, :, : SIZE[0] // 2] = 1
 
@@ -148,7 +149,7 @@ def test_skin_seen_from_behind_and_no_skin_bring_nothing():
     mesh = joined(
         quad(40, 40, 0.0, uv_box=(0.02, 0.02, 0.48, 0.98)), quad(40, 40, 30.0, uv_box=(0.52, 0.02, 0.98, 0.98))
     )
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 2.0, 32)
+    view = look_around(TexturedSkin(mesh, Occluder(mesh), SIZE), 4, 2.0, 32)
     assert len(view.seen) == 0
     got = bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)]).tiles[0]
     assert not got.any()
@@ -170,13 +171,11 @@ def test_auto_asks_whether_it_is_worth_it():
     white = np.ones((1, 1, 3), np.float32)
     for mesh, kept in ((cavity(), True), (sphere(40.0, "cube", 48), False)):
         atlas = rasterize(mesh, SIZE, 4)
-        occluder = Occluder(mesh)
+        skin = TexturedSkin(mesh, Occluder(mesh), SIZE)
         light = [np.stack([np.ones((*SIZE, 3)), np.zeros((*SIZE, 3))]).astype(np.float32)]
 
-        def decide(switch, of=(mesh, occluder, light, atlas)):
-            return decide_interreflection(
-                of[0], of[1], ("sun", "none"), of[2], [0.5 * white], of[3], False, switch, [0.01, 0.01]
-            )
+        def decide(switch, skin=skin, light=light, atlas=atlas):
+            return decide_interreflection(skin, ("sun", "none"), light, [0.5 * white], atlas, switch, [0.01, 0.01])
 
         (sun, none), ((share, _), (nothing, noise)) = decide("auto")
         assert (share > 0.4, nothing, noise) == (kept, 0, 0)
@@ -189,7 +188,7 @@ def test_auto_asks_whether_it_is_worth_it():
 def test_bounces_below_one_are_refused():
     """None is said by switching the term off."""
     mesh = plates()
-    view = look_around(mesh, Occluder(mesh), SIZE, 4, False, 8.0, 8)
+    view = look_around(TexturedSkin(mesh, Occluder(mesh), SIZE), 4, 8.0, 8)
     with pytest.raises(ValueError, match="bounces"):
         bounced_light(view, [np.ones((1, *SIZE, 3), np.float32)], [np.ones((1, 1, 3), np.float32)], 0)
 

@@ -11,6 +11,7 @@ from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.light_entering import light_entering
 from skinbake.diffuse.terms.beam import ShiftedLights
 from skinbake.diffuse.terms.beam_shift import BeamShift
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.irradiance.decide import decide
 from skinbake.irradiance.light_skin import light_skin
 from skinbake.irradiance.occluder import Occluder
@@ -205,7 +206,9 @@ def test_what_a_beam_lights_stands_further_along():
     image = np.zeros((*raster.shape, 3), np.float32)
     image[:, : size[0] // 2] = 1
     light = DirectionalLight(**spec[0])
-    upstream = BeamShift(raster, mesh, Occluder(mesh), False, 0, MEDIUM.layers[0].medium.free_path_mm, 1.0)
+    upstream = BeamShift(
+        raster, TexturedSkin(mesh, Occluder(mesh), raster.shape[::-1]), 0, MEDIUM.layers[0].medium.free_path_mm, 1.0
+    )
     moved = upstream.read(light, image)
     # The sun of `sun` travels towards -x
     edge_mm = moved[60].sum(axis=0) * 24.0 / size[0]
@@ -223,7 +226,9 @@ def test_what_a_beam_lights_stands_further_along():
     np.testing.assert_array_equal(bent.looked_at(light, image, rows, room)[1], bent_there)
     assert (bent_there < moved[rows]).any()
     np.testing.assert_array_equal(upstream.looked_at(light, image, rows, room)[1], moved[rows])
-    of_index = BeamShift(raster, mesh, Occluder(mesh), False, 0, MEDIUM.layers[0].medium.free_path_mm, 1.6)
+    of_index = BeamShift(
+        raster, TexturedSkin(mesh, Occluder(mesh), raster.shape[::-1]), 0, MEDIUM.layers[0].medium.free_path_mm, 1.6
+    )
     nearer = of_index.read(light, image)[60].sum(axis=0) * 24.0 / size[0]
     np.testing.assert_allclose(nearer - image[60].sum(axis=0) * 24.0 / size[0], -shift / 1.6, atol=0.06)
     assert got.plan[1].term == "sun.beam"
@@ -239,7 +244,9 @@ def test_rays_find_what_lies_upstream_in_another_chart():
     (raster,) = rasterize(mesh, size, 2)
     x = interpolate(raster, mesh.corner_position_mm)[..., 0]
     image = np.repeat(x[..., None], 3, axis=2).astype(np.float32)
-    upstream = BeamShift(raster, mesh, Occluder(mesh), False, 0, np.array([3.0, 2.0, 1.0]), 1.0)
+    upstream = BeamShift(
+        raster, TexturedSkin(mesh, Occluder(mesh), raster.shape[::-1]), 0, np.array([3.0, 2.0, 1.0]), 1.0
+    )
     moved = upstream.read(DirectionalLight(**sun(0.6)), image)
     inside = raster.covered & (x < x.max() - 3)
     texel_mm = 20.0 / (0.43 * 256)

@@ -6,6 +6,7 @@ import pytest
 from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.small_blur import SmallBlur
 from skinbake.diffuse.terms.bounced_light import SkinLight
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.diffuse.terms.thin_parts import ThinParts, TranslucentSkin
 from skinbake.diffuse.thin_light import SmallLight, sent_on
@@ -45,7 +46,7 @@ def found(through, blurred, arrived, mode="pre-scatter"):
         image[:, :, : width // 2] = value
         return image
 
-    view = look_around(mesh, occluder, SIZE, 4, False, 2.0, 256)
+    view = look_around(TexturedSkin(mesh, occluder, SIZE), 4, 2.0, 256)
     reflected = np.broadcast_to((ALBEDO * WEIGHT).astype(np.float32), (*view.atlas[0].shape, 3))
     light = SkinLight(view, [reflected], {"sun": np.ones(3, np.float32)}, {"sun": 1})
     lobe = Lobe(1.0, (1.0, 1.0, 1.0), None, {1001: lower(through)})

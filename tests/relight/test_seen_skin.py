@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skinbake.diffuse.terms.bounced_light import bounced_light
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.diffuse.terms.skin_view import look_around
 from skinbake.irradiance import sky_texels as sky_texels_module
 from skinbake.irradiance.occluder import Occluder
@@ -57,12 +58,12 @@ def lit(scene, view):
 def test_it_is_what_rays_of_its_own_see(corner):
     """Light from skin to skin is that of a thousand rays of each texel, as near as that of as many rays is."""
     scene, found = corner
-    sky, own = found[True], (scene.mesh, scene.occluder, SIZE, 4, False, 1.6)
-    reference = look_around(*own, 1024.0)
+    sky, skin = found[True], TexturedSkin(scene.mesh, scene.occluder, SIZE)
+    reference = look_around(skin, 4, 1.6, 1024.0)
     assert reference.atlas[0].shape == sky.atlas[0].shape
     want = lit(scene, reference)
-    alike = lit(scene, look_around(*own, float(RAYS)))
-    got = lit(scene, seen_skin(sky, scene, SIZE, False))
+    alike = lit(scene, look_around(skin, 4, 1.6, float(RAYS)))
+    got = lit(scene, seen_skin(sky, skin))
     assert np.linalg.norm(got - want) < 1.5 * np.linalg.norm(alike - want) < 0.1 * np.linalg.norm(want)
     assert got.sum() == pytest.approx(want.sum(), rel=0.01)
 
@@ -73,7 +74,8 @@ def test_only_what_is_not_open_is_traced_on(corner, monkeypatch):
     asked = []
     once = scene.occluder.first_hit
     monkeypatch.setattr(scene.occluder, "first_hit", lambda o, d: asked.append(len(o)) or once(o, d))
-    few, every = (seen_skin(found[shadows], scene, SIZE, False) for shadows in (True, False))
+    skin = TexturedSkin(scene.mesh, scene.occluder, SIZE)
+    few, every = (seen_skin(found[shadows], skin) for shadows in (True, False))
     assert asked[1] == RAYS * len(found[False].normal[1001])
     assert len(few.seen) <= asked[0] < 0.5 * asked[1]
     np.testing.assert_allclose(lit(scene, few), lit(scene, every), rtol=1e-5, atol=1e-6)

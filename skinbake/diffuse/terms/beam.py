@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, AtlasRaster, Tiles
 from skinbake.diffuse.terms.beam_shift import BeamShift
 from skinbake.diffuse.terms.curvature import CurvedSkin
+from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.kernels.compile import kernel
@@ -146,10 +147,8 @@ def decide_beams(
     wide = gaussians.variance_mm2 >= narrowest_mm2(free_path[0])
     weight = gaussians.weight_rgb * albedo_rgb
     share = weight[wide].sum(axis=0)
-    shifts = list(before) or [
-        BeamShift(raster, scene.mesh, scene.occluder, spec.texture.udim, k, *free_path)
-        for k, raster in enumerate(atlas)
-    ]
+    textured = TexturedSkin(scene.mesh, scene.occluder, spec.texture.size, spec.texture.udim)
+    shifts = list(before) or [BeamShift(raster, textured, k, *free_path) for k, raster in enumerate(atlas)]
     if curved:
         shifts = [s.curved(curved.curvature_per_mm[r.tile]) for s, r in zip(shifts, atlas, strict=True)]
     lines, room = [], np.empty((*atlas[0].shape, 3), np.float32)

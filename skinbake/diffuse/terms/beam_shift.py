@@ -14,15 +14,13 @@ from numpy.typing import NDArray
 from skinbake.atlas import AtlasRaster, uv_jacobian
 from skinbake.atlas.raster import NO_FACE
 from skinbake.atlas.sample import bilinear, texels_around
-from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits
-from skinbake.irradiance.occluder import Occluder
+from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin
 from skinbake.irradiance.punctual_light import emitter, towards
 from skinbake.irradiance.shadow_origin import facet_point
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float
 from skinbake.scene.lights import LightSpec
-from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
@@ -37,9 +35,7 @@ class BeamShift:
     Parameters
     ----------
     raster : AtlasRaster
-    mesh : SkinMesh
-    occluder : Occluder
-    udim : bool
+    skin : TexturedSkin
     number : int
         Place of the tile in the atlas.
     free_path_mm : ndarray of shape (3,)
@@ -52,9 +48,7 @@ class BeamShift:
     def __init__(
         self,
         raster: AtlasRaster,
-        mesh: SkinMesh,
-        occluder: Occluder,
-        udim: bool,
+        skin: TexturedSkin,
         number: int,
         free_path_mm: Float,
         eta: float,
@@ -62,13 +56,12 @@ class BeamShift:
     ) -> None:
         height, width = raster.shape
         self._curvature = curvature_per_mm
-        self._raster, self._mesh, self._occluder = raster, mesh, occluder
-        self._udim, self._number = udim, number
+        self._raster, self._skin, self._number = raster, skin, number
         self._reach_mm = free_path_mm / eta
         self._looked: dict[str, tuple[Image, Image]] = {}
-        self._corner = np.ascontiguousarray(mesh.corner_position_mm - occluder.centre_mm)
+        self._corner = np.ascontiguousarray(skin.mesh.corner_position_mm - skin.occluder.centre_mm)
         # A step of one column is du = 1 / width, of one row dv = -1 / height
-        self._step = np.ascontiguousarray(uv_jacobian(mesh) * np.array([1 / width, -1 / height])[:, None])
+        self._step = np.ascontiguousarray(uv_jacobian(skin.mesh) * np.array([1 / width, -1 / height])[:, None])
 
     def read(self, light: LightSpec, image: Image, rows: Index | None = None) -> Image:
         """Light upstream, shape (rows, W, 3); where no skin is found upstream, the light that is there.
@@ -115,7 +108,7 @@ class BeamShift:
 
     def _read(self, light: LightSpec, image: Image, rows: Index, out: Image) -> None:
         """Write light upstream as on a plane, where it is found."""
-        source = emitter(light, self._occluder.centre_mm)
+        source = emitter(light, self._skin.occluder.centre_mm)
         lost = np.zeros((len(rows), image.shape[1]), np.bool_)
         parallel_for(_read_upstream, len(rows), rows, self._skin_under(source), self._step, image, _Upstream(out, lost))
         at = np.argwhere(lost)
@@ -125,17 +118,16 @@ class BeamShift:
     def _spread(self, light: LightSpec, rows: Index, out: Image) -> Image:
         """What curvature makes of light upstream, in place."""
         if self._curvature is not None:
-            source = emitter(light, self._occluder.centre_mm)
+            source = emitter(light, self._skin.occluder.centre_mm)
             parallel_for(_spread, len(rows), rows, self._skin_under(source), self._curvature, out)
         return out
 
     def _skin_under(self, source: Float) -> _LitSkin:
         """The tile's skin and a light, as kernels take them."""
-        return _LitSkin(*self._raster.shown, self._corner, self._mesh.corner_normal, source, self._reach_mm)
+        return _LitSkin(*self._raster.shown, self._corner, self._skin.mesh.corner_normal, source, self._reach_mm)
 
     def _read_by_rays(self, source: Float, rows: Index, at: Index, image: Image, out: Image) -> None:
         """Write the light that rays find upstream of some texels."""
-        shape = image.shape
         origin, down = np.empty((len(at), 3, 3), np.float32), np.empty((len(at), 3, 3), np.float32)
         parallel_for(
             _aim_upstream,
@@ -145,9 +137,7 @@ class BeamShift:
             origin,
             down,
         )
-        tile, texel = locate_hits(
-            self._mesh, self._occluder, (shape[1], shape[0]), self._udim, origin.reshape(-1, 3), down.reshape(-1, 3)
-        )
+        tile, texel = self._skin.met_by(origin.reshape(-1, 3), down.reshape(-1, 3))
         found = ((texel != NOTHING) & (tile == self._number)).reshape(-1, 3)
         flat = image.reshape(-1, 3)
         for c in range(3):

@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
 from skinbake.diffuse.terms.ray_counts import NOISE_FALL
-from skinbake.diffuse.terms.skin_hits import NOTHING, skin_points
-from skinbake.diffuse.terms.skin_view import RAYS, RECEIVER_MM, trace_cosine
-from skinbake.irradiance.occluder import Occluder
+from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin, skin_points
+from skinbake.diffuse.terms.skin_view import RAYS, RECEIVER_MM, RayStarts, trace_cosine
 from skinbake.scene.decision import Decision
-from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
@@ -124,13 +122,11 @@ def receivers(bounced: Sequence[Bounced], limits: Sequence[float], atlas: Atlas)
 
 
 def decide_interreflection(
-    mesh: SkinMesh,
-    occluder: Occluder,
+    skin: TexturedSkin,
     names: Sequence[str],
     light: Sequence[Image],
     reflected: Sequence[Image],
     atlas: Atlas,
-    udim: bool,
     switch: str,
     limits: Sequence[float],
     gain: Image = _ALL,
@@ -141,8 +137,7 @@ def decide_interreflection(
 
     Parameters
     ----------
-    mesh : SkinMesh
-    occluder : Occluder
+    skin : TexturedSkin
     names : sequence of L str
         Of the lights.
     light : sequence of ndarray of shape (L, H, W, 3)
@@ -150,8 +145,7 @@ def decide_interreflection(
     reflected : sequence of ndarray of shape (H, W, 3) or (1, 1, 3)
         What of it leaves.
     atlas : Atlas
-        The full one.
-    udim : bool
+        The skin's.
     switch : "auto", "on" or "off"
     limits : sequence of L float
         What may be left out of each light.
@@ -161,17 +155,17 @@ def decide_interreflection(
     if switch == "off":
         return [Decision("interreflection", False, "off")], []
     arrived, bounced, apart = np.zeros((3, len(names)))
-    height, width = atlas[0].shape
+    width, height = skin.size
     for number, (raster, image) in enumerate(zip(atlas, light, strict=True)):
         area_mm2, flat = texels_by_area(raster.area_mm2, ESTIMATED)
         if area_mm2 <= 0:
             continue
         rows, cols = np.divmod(flat, width)
-        point, normal = skin_points(raster, mesh, occluder, rows, cols)
+        point, normal = skin_points(raster, skin.mesh, skin.occluder, rows, cols)
         zero = np.zeros_like(flat)
         # Two halves that know nothing of each other: the second one's rays are turned otherwise
         halves = [
-            trace_cosine(mesh, occluder, (width, height), udim, point, normal, flat * turn, zero, ESTIMATE_RAYS // 2)
+            trace_cosine(skin, RayStarts(point, normal, flat * turn, zero), ESTIMATE_RAYS // 2)
             for turn in (1, _OTHER_TURN)
         ]
         seen_tile, seen = (np.concatenate(each, axis=1) for each in zip(*halves, strict=True))

@@ -136,40 +136,52 @@ def _met(first, stop, hits, direction, surface, face, uv):  # type: ignore[no-un
             )
 
 
-def locate_hits(
-    mesh: SkinMesh, occluder: Occluder, size: tuple[int, int], udim: bool, origin: Image, direction: Image
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Which texel shows the skin that each ray meets first.
+class TexturedSkin(NamedTuple):
+    """Skin that rays meet, and the texture whose texels tell where.
 
-    Parameters
+    Attributes
     ----------
     mesh : SkinMesh
     occluder : Occluder
+        The mesh's.
     size : (width, height)
         Of the texture.
     udim : bool
-    origin, direction : ndarrays of shape (n, 3)
-
-    Returns
-    -------
-    tile : ndarray of shape (n,), int32
-        Place of the tile in the atlas.
-    texel : ndarray of shape (n,), int32
-        row * W + col; NOTHING where a ray meets no skin, or skin from behind.
     """
-    tile, texel = np.zeros(len(origin), np.int32), np.full(len(origin), NOTHING, np.int32)
-    child, b1, b2, _ = occluder.first_hit(origin, direction)
-    faces, places = np.empty(len(origin), np.int64), np.empty((len(origin), 2))
-    surface = occluder.subdivided, mesh.corner_uv
-    parallel_for(_met, len(faces), (child, b1, b2), direction, surface, faces, places)
-    met = np.flatnonzero(faces != NOTHING)
-    face, uv = faces[met], places[met]
-    owner = tile_of_face(mesh)[face] if udim else None
-    for k, number in enumerate(tiles_of(mesh, udim)):
-        mine = np.arange(len(met)) if owner is None else np.flatnonzero(owner == number)
-        local = local_uv(uv[mine], number)
-        x, y = texel_xy(local[:, 0], local[:, 1], size[1], size[0])
-        col = np.clip(x.astype(np.int64), 0, size[0] - 1)
-        row = np.clip(y.astype(np.int64), 0, size[1] - 1)
-        tile[met[mine]], texel[met[mine]] = k, row * size[0] + col
-    return tile, texel
+
+    mesh: SkinMesh
+    occluder: Occluder
+    size: tuple[int, int]
+    udim: bool = False
+
+    def met_by(self, origin: Image, direction: Image) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Which texel shows the skin that each ray meets first.
+
+        Parameters
+        ----------
+        origin, direction : ndarrays of shape (n, 3)
+
+        Returns
+        -------
+        tile : ndarray of shape (n,), int32
+            Place of the tile in the atlas.
+        texel : ndarray of shape (n,), int32
+            row * W + col; NOTHING where a ray meets no skin, or skin from behind.
+        """
+        mesh, (width, height) = self.mesh, self.size
+        tile, texel = np.zeros(len(origin), np.int32), np.full(len(origin), NOTHING, np.int32)
+        child, b1, b2, _ = self.occluder.first_hit(origin, direction)
+        faces, places = np.empty(len(origin), np.int64), np.empty((len(origin), 2))
+        surface = self.occluder.subdivided, mesh.corner_uv
+        parallel_for(_met, len(faces), (child, b1, b2), direction, surface, faces, places)
+        met = np.flatnonzero(faces != NOTHING)
+        face, uv = faces[met], places[met]
+        owner = tile_of_face(mesh)[face] if self.udim else None
+        for k, number in enumerate(tiles_of(mesh, self.udim)):
+            mine = np.arange(len(met)) if owner is None else np.flatnonzero(owner == number)
+            local = local_uv(uv[mine], number)
+            x, y = texel_xy(local[:, 0], local[:, 1], height, width)
+            col = np.clip(x.astype(np.int64), 0, width - 1)
+            row = np.clip(y.astype(np.int64), 0, height - 1)
+            tile[met[mine]], texel[met[mine]] = k, row * width + col
+        return tile, texel

@@ -20,11 +20,9 @@ from skinbake.diffuse.terms.neighbours import (
     reach_of_rays,
 )
 from skinbake.diffuse.terms.ray_counts import ray_counts
-from skinbake.diffuse.terms.skin_hits import NOTHING, locate_hits, skin_points
-from skinbake.irradiance.occluder import Occluder
+from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin, skin_points
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.scene.mesh import SkinMesh
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
@@ -138,11 +136,8 @@ class SkinView:
 
 
 def look_around(
-    mesh: SkinMesh,
-    occluder: Occluder,
-    size: tuple[int, int],
+    full: TexturedSkin,
     gutter: int,
-    udim: bool,
     receiver_mm: float = RECEIVER_MM,
     rays: float = RAYS,
     with_neighbours: bool = False,
@@ -151,14 +146,10 @@ def look_around(
 
     Parameters
     ----------
-    mesh : SkinMesh
-    occluder : Occluder
-        The mesh's.
-    size : (width, height)
-        Of the full texture.
+    full : TexturedSkin
+        The full texture, whose texels are met.
     gutter : int
         In its texels.
-    udim : bool
     receiver_mm : float
     rays : float
         The noise is that of so many from every texel. Who sends more of them, and who fewer, a few rays say that count
@@ -167,6 +158,7 @@ def look_around(
         Whether light will be the mean with the neighbours, which share a sequence of directions then: of 5 x 5 where
         texels are much finer than asked for.
     """
+    mesh, occluder, size, udim = full
     atlas = coarser_atlas(mesh, size, gutter, udim, coarser_size(mesh, size, receiver_mm))
     flats, points, seen_shares, weights = [], [], [], []
     across = 1
@@ -176,7 +168,7 @@ def look_around(
         rows, cols = np.nonzero(raster.addressed)
         flats.append(rows * raster.shape[1] + cols)
         points.append(skin_points(raster, mesh, occluder, rows, cols))
-        seen_shares.append(_seen_about(mesh, occluder, size, udim, raster, points[-1], flats[-1]))
+        seen_shares.append(_seen_about(full, raster, points[-1], flats[-1]))
         if with_neighbours:
             weights.append(neighbour_weights(across, raster, *points[-1], flats[-1]))
     flat, tile = np.concatenate(flats), np.repeat(np.arange(len(atlas), dtype=np.int32), [len(of) for of in flats])
@@ -201,9 +193,8 @@ def look_around(
         of_count = np.flatnonzero(count == each)
         at_once = max(1, _RAYS_AT_ONCE // int(each))
         for some in (of_count[k : k + at_once] for k in range(0, len(of_count), at_once)):
-            seen_tile, seen = trace_cosine(
-                mesh, occluder, size, udim, point[some], normal[some], turn[some], begin[some], int(each)
-            )
+            starts = RayStarts(point[some], normal[some], turn[some], begin[some])
+            seen_tile, seen = trace_cosine(full, starts, int(each))
             hit = seen != NOTHING
             met_skin[some] = hit.sum(axis=1)
             in_first_half[some] = hit[:, : each // 2].sum(axis=1)
@@ -261,20 +252,13 @@ def numbered(
 
 
 def _seen_about(
-    mesh: SkinMesh,
-    occluder: Occluder,
-    size: tuple[int, int],
-    udim: bool,
-    raster: AtlasRaster,
-    points: tuple[Image, Image],
-    flat: Index,
+    full: TexturedSkin, raster: AtlasRaster, points: tuple[Image, Image], flat: Index
 ) -> NDArray[np.float64]:
     """About which share of each texel's view is skin, between 0 and 1, by a few rays of a few texels about it, (n,).
 
     Parameters
     ----------
-    mesh, occluder, size, udim
-        As of `look_around`.
+    full : TexturedSkin
     raster : AtlasRaster
     points : (point, normal)
         Of its addressed texels.
@@ -282,10 +266,8 @@ def _seen_about(
     """
     row, col = np.divmod(flat, raster.shape[1])
     ask = np.flatnonzero((row % _PILOT_APART == 0) & (col % _PILOT_APART == 0))
-    _, seen = trace_cosine(
-        mesh, occluder, size, udim, points[0][ask], points[1][ask], flat[ask] * _PILOT_TURN, np.zeros_like(ask),
-        _PILOT_RAYS,
-    )  # fmt: skip
+    starts = RayStarts(points[0][ask], points[1][ask], flat[ask] * _PILOT_TURN, np.zeros_like(ask))
+    _, seen = trace_cosine(full, starts, _PILOT_RAYS)
     row, col = row // _PILOT_APART, col // _PILOT_APART
     skin, asked = np.zeros((2, row.max(initial=0) + 3, col.max(initial=0) + 3))
     skin[row[ask] + 1, col[ask] + 1] = (seen != NOTHING).sum(axis=1)
@@ -302,64 +284,44 @@ def _blocks(rays: NDArray[np.int32]) -> Iterator[slice]:
     return (slice(start, start + at_once) for start in range(0, len(rays), at_once))
 
 
-def trace_cosine(
-    mesh: SkinMesh,
-    occluder: Occluder,
-    size: tuple[int, int],
-    udim: bool,
-    point: Image,
-    normal: Image,
-    turn: Index,
-    first: Index,
-    count: int,
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Tile's place in the atlas and texel of the full texture that each ray meets, both (n, count).
-
-    Parameters
-    ----------
-    mesh : SkinMesh
-    occluder : Occluder
-        The mesh's.
-    size : (width, height)
-        Of the full texture.
-    udim : bool
-    point, normal : ndarrays of shape (n, 3), float32
-        From where rays start, cosine distributed about the normal.
-    turn : ndarray of shape (n,), int64
-        A number for each point, which turns its sequence of rays.
-    first : ndarray of shape (n,), int64
-        The first ray of the sequence that each takes.
-    count : int
-        How many.
-    """
-    step = np.float32(0.01 + 32 * occluder.spacing_mm)
-    tile, texel = np.empty((2, len(point), count), np.int32)
-    for part in _blocks(tile):  # a ray takes 24 bytes, what it meets 8
-        points = _Points(point[part], normal[part], turn[part], first[part])
-        origin = np.empty((len(points.point) * count, 3), np.float32)
-        direction = np.empty_like(origin)
-        parallel_for(_aim, len(points.point), points, _Sequence(count, step), origin, direction)
-        met = locate_hits(mesh, occluder, size, udim, origin, direction)
-        tile[part], texel[part] = (each.reshape(-1, count) for each in met)
-    return tile, texel
-
-
-class _Points(NamedTuple):
-    """Points of the skin from which rays start.
+class RayStarts(NamedTuple):
+    """Points of the skin from which rays start, cosine distributed about the normal.
 
     Attributes
     ----------
     point, normal : ndarrays of shape (n, 3), float32
     turn : ndarray of shape (n,), int64
-        A number, which turns its sequence of rays.
+        A number for each point, which turns its sequence of rays.
     first : ndarray of shape (n,), int64
-        The first ray of it.
+        The first ray of the sequence that each takes.
     """
 
     point: Image
     normal: Image
     turn: Index
     first: Index
+
+
+def trace_cosine(full: TexturedSkin, starts: RayStarts, count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Tile's place in the atlas and texel of the full texture that each ray meets, both (n, count).
+
+    Parameters
+    ----------
+    full : TexturedSkin
+    starts : RayStarts
+    count : int
+        Rays of each point.
+    """
+    step = np.float32(0.01 + 32 * full.occluder.spacing_mm)
+    tile, texel = np.empty((2, len(starts.point), count), np.int32)
+    for part in _blocks(tile):  # a ray takes 24 bytes, what it meets 8
+        some = RayStarts(starts.point[part], starts.normal[part], starts.turn[part], starts.first[part])
+        origin = np.empty((len(some.point) * count, 3), np.float32)
+        direction = np.empty_like(origin)
+        parallel_for(_aim, len(some.point), some, _Sequence(count, step), origin, direction)
+        met = full.met_by(origin, direction)
+        tile[part], texel[part] = (each.reshape(-1, count) for each in met)
+    return tile, texel
 
 
 class _Sequence(NamedTuple):
@@ -385,7 +347,7 @@ def _aim(start, stop, points, sequence, origin, direction):  # type: ignore[no-u
     ----------
     start, stop : int
         Points.
-    points : _Points
+    points : RayStarts
     sequence : _Sequence
     origin, direction : ndarrays of shape (n * amount, 3), written
     """
