@@ -9,6 +9,7 @@ from skinbake.irradiance.environment_plan import EnvironmentPlan
 from skinbake.irradiance.environment_share import open_shares, open_sums
 from skinbake.irradiance.lattice import lattice
 from skinbake.irradiance.occluder import Occluder
+from skinbake.irradiance.oil_albedo import MeanPassing
 from skinbake.irradiance.refine import refine
 from skinbake.irradiance.settled_rays import FirstDirections, SettledRays
 from skinbake.irradiance.surface import TexelSurface
@@ -28,7 +29,8 @@ def light_environment(
     Irradiance without shadows is the plan's: harmonics, or a table over all normals integrated exactly. Shadows
     multiply it by the share that the plan's directions find open, drawn in proportion to radiance and the same for
     every texel, so that the result is smooth. The ratio is exact wherever nothing is in the way, whatever the
-    directions.
+    directions. The oil's maps are finer than the lattice: between its texels is interpolated by how much more passes
+    than of a constant sky as open.
 
     Parameters
     ----------
@@ -53,6 +55,12 @@ def light_environment(
         settled = rays if plan.samples and not occluder.has_cards else None
         first = FirstDirections(directions) if settled else None
 
+        mean_passing = MeanPassing(table) if table.size else None
+
+        def passing(texels: NDArray[np.int64] | slice) -> Float:
+            assert mean_passing is not None
+            return mean_passing.of(roughness[texels], strength[texels], f0[texels])[:, None]
+
         def trace(texels: NDArray[np.int64], stride: int) -> Image:
             oil = (roughness[texels], strength[texels], table, f0[texels]) if table.size else None
             answers = settled.of(texels, stride) if settled else None
@@ -63,9 +71,15 @@ def light_environment(
             shares = open_shares(*at, directions, weights, barrier, oil, answers)
             if settled and answers is not None:
                 settled.keep(texels, answers)
+            if table.size:
+                shares[:, :3] -= shares[:, 3:] * passing(texels)
             return shares
 
         refine(addressed, surface.smooth_normal, 4, trace, plan.variation, coarsest, coarsest // CLOSE, out)
+        if table.size:
+            for row, texels in enumerate(out):
+                at = slice(row * len(texels), (row + 1) * len(texels))
+                texels[:, :3] = np.maximum(texels[:, :3] + texels[:, 3:] * passing(at), 0)
     else:
         out[...] = addressed[..., None]
     for start in range(0, len(out), ROWS):  # in strips, rather than another image

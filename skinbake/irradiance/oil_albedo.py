@@ -283,3 +283,29 @@ def mean_specular_albedo(roughness: ArrayLike, f0: float = 1 / 36, table: Float 
     c = sqr((x + 1) / 2)  # dc = 2 sqrt(c) dx
     albedo = specular_albedo(c, np.asarray(roughness, np.float64)[..., None], f0, table)
     return (albedo * 2 * c * 2 * np.sqrt(c) * weight / 2).sum(-1)
+
+
+class MeanPassing:
+    """Share of a constant environment's light that passes the oil, by roughness, strength and reflectance.
+
+    Parameters
+    ----------
+    table : ndarray of shape (C, M, 2)
+        As `oil_table`.
+    """
+
+    def __init__(self, table: Float) -> None:
+        nodes = np.arange(table.shape[1])
+        self._last = table.shape[1] - 1
+        self._albedo = [mean_specular_albedo(sqr(nodes / self._last), f0, table) for f0 in (0.0, 1.0)]
+
+    def of(self, roughness: NDArray[np.float32], strength: NDArray[np.float32], f0: Float) -> Float:
+        """The share, of the shape that the three have together.
+
+        Parameters
+        ----------
+        roughness, strength, f0 : ndarrays
+        """
+        place, nodes = np.sqrt(np.clip(roughness, 0.0, 1.0)) * self._last, np.arange(self._last + 1)
+        none, all_of_it = (np.interp(place, nodes, albedo) for albedo in self._albedo)
+        return np.clip(1 - strength * ((1 - f0) * none + f0 * all_of_it), 0.0, 1.0)

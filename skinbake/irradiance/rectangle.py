@@ -12,7 +12,6 @@ from skinbake.atlas.raster import NO_FACE
 from skinbake.irradiance.bump_terminator import bump_terminator
 from skinbake.irradiance.occluder import Occluder
 from skinbake.irradiance.oil_albedo import OilLayer, albedo_at
-from skinbake.irradiance.punctual_light import Unshadowed
 from skinbake.irradiance.refine import refine
 from skinbake.irradiance.shadow_origin import SubdividedMesh, SurfaceTexels, point_of
 from skinbake.irradiance.surface import TexelSurface
@@ -23,6 +22,24 @@ from skinbake.scene.lights import RectangleLight
 
 Image = NDArray[np.float32]
 CHUNK = 1 << 20
+
+
+class _Unshadowed(NamedTuple):
+    """What a rectangle sends to the texels where nothing is in the way.
+
+    Attributes
+    ----------
+    arriving : ndarray of shape (H, W), float32
+        Irradiance of unit radiance.
+    facing : ndarray of shape (H, W), bool
+        Texels that face the light.
+    central : ndarray of shape (H, W), float32
+        Share that bumps and the oil leave of light from the centre.
+    """
+
+    arriving: Image
+    facing: NDArray[np.bool_]
+    central: Image
 
 
 def light_rectangle(
@@ -38,7 +55,8 @@ def light_rectangle(
 
     Unshadowed light is exact (theory.md 10.2 [Lambert1760, Baum1989]); rays through a jittered grid on the rectangle
     find the share that arrives. Full light and full shadow are found on a coarse lattice, every texel of a penumbra has
-    its own rays.
+    its own rays. Maps of normals and of the oil are finer than the lattice: between its texels is interpolated by how
+    much more passes than of as much light from the rectangle's centre.
 
     Parameters
     ----------
@@ -56,8 +74,10 @@ def light_rectangle(
     panel = panel_of(light, occluder, seed, grid)
     raster = surface.raster
     arriving, facing = np.zeros(raster.shape, np.float32), np.zeros(raster.shape, np.bool_)
-    out = Unshadowed(arriving, facing)
-    parallel_for(_contour, len(arriving), panel.shape, panel.out_normal, surface.texels, surface.subdivided, out)
+    central = np.zeros(raster.shape, np.float32)
+    out = _Unshadowed(arriving, facing, central)
+    layer = OilLayer(surface.roughness, surface.strength, table, surface.f0)
+    parallel_for(_contour, len(arriving), panel, surface.texels, surface.subdivided, layer, out)
 
     normal, smooth = surface.normal.reshape(-1, 3), surface.smooth_normal.reshape(-1, 3)
     roughness = np.broadcast_to(surface.roughness, facing.shape).reshape(-1)
@@ -72,13 +92,14 @@ def light_rectangle(
             points = Points(part, surface.origins(part), normal[part], smooth[part])
             oil = OilLayer(roughness[part], strength[part], table, f0[part])
             out[start : start + step] = open_shares(panel, points, oil, occluder if casts else None)[0]
+        out[:, 0] -= out[:, 1] * central.reshape(-1)[texels]
         return out
 
-    if casts or table.size:
+    if casts or table.size or surface.normal is not surface.smooth_normal:
         # Shadows of strands repeat within a few texels: points of a wide lattice may agree on all of them
         tolerance, coarsest = (0.0, 2) if casts and occluder.has_cards else (0.02 if table.size else 0.0, 4)
         share = refine(facing, surface.smooth_normal, 2, trace, tolerance, coarsest)
-        return arriving * share[..., 0], share[..., 1]
+        return arriving * np.clip(share[..., 0] + share[..., 1] * central, 0, share[..., 1]), share[..., 1]
     return arriving, facing.astype(np.float32)
 
 
@@ -206,29 +227,30 @@ def rectangle_irradiance(
 def _contour(
     first: int,
     stop: int,
-    shape: Float,
-    out_normal: Float,
+    panel: Panel,
     texels: SurfaceTexels,
     subdivided: SubdividedMesh,
-    out: Unshadowed,
+    oil: OilLayer,
+    out: _Unshadowed,
 ) -> None:
-    """Unshadowed irradiance at the texels, and which of them face the light.
+    """Unshadowed irradiance at the texels, which of them face the light, and what passes of light from its centre.
 
     Parameters
     ----------
     first, stop : int
         Rows.
-    shape : ndarray of shape (3, 3)
-        Centre and both edges, mm.
-    out_normal : ndarray of shape (3,)
-        On the side that shines, of any length.
+    panel : Panel
     texels : SurfaceTexels
     subdivided : SubdividedMesh
-    out : Unshadowed
+    oil : OilLayer
+    out : _Unshadowed
         Written where the atlas is not empty and the light shines.
     """
     face_index, barycentric, normal, smooth = texels.face_index, texels.barycentric, texels.normal, texels.smooth
-    arriving, facing = out.arriving, out.facing
+    shape, out_normal = panel.shape, panel.out_normal
+    arriving, facing, central = out.arriving, out.facing, out.central
+    roughness, strength, table, f0 = oil.roughness, oil.strength, oil.table, oil.f0
+    rough_map, strong_map, f0_map = roughness.shape[0] > 1, strength.shape[0] > 1, f0.shape[0] > 1
     width = face_index.shape[1]
     for row in range(first, stop):
         poly, clipped = np.empty((8, 3)), np.empty((8, 3))
@@ -259,6 +281,18 @@ def _contour(
                     np.float64(normal[row, col, 2]),
                 )
                 arriving[row, col] = rectangle_irradiance(shape, (px, py, pz), (nx, ny, nz), poly, clipped)
+                # What bumps and the oil leave of light from the centre
+                lx, ly, lz = shape[0, 0] - px, shape[0, 1] - py, shape[0, 2] - pz
+                distance = np.sqrt(lx * lx + ly * ly + lz * lz)
+                cos_mapped = (nx * lx + ny * ly + nz * lz) / distance
+                if cos_mapped > 0.0:
+                    share = bump_terminator(cos_mapped, (sx * lx + sy * ly + sz * lz) / distance)
+                    if table.size > 0:
+                        m = roughness[row, col] if rough_map else roughness[0, 0]
+                        rho = strength[row, col] if strong_map else strength[0, 0]
+                        normal_f0 = f0[row, col] if f0_map else f0[0, 0]
+                        share *= min(max(1.0 - rho * albedo_at(table, cos_mapped, np.float64(m), normal_f0), 0.0), 1.0)
+                    central[row, col] = share
 
 
 @kernel(inner=True)

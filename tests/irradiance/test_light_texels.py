@@ -7,7 +7,7 @@ import pytest
 
 from skinbake.atlas import interpolate, rasterize
 from skinbake.irradiance import light_texels
-from skinbake.irradiance.oil_albedo import integrate_specular_albedo
+from skinbake.irradiance.oil_albedo import integrate_specular_albedo, mean_specular_albedo
 from skinbake.irradiance.oil_layer import ENERGY_TRUE_STRENGTH
 from skinbake.scene.lights import DirectionalLight, EnvironmentLight, PointLight, RectangleLight, SpotLight
 from skinbake.scene.maps import SkinMaps
@@ -300,6 +300,25 @@ def test_oil_under_an_environment_is_the_mean_share():
     np.testing.assert_allclose(result.rgb[0][raster.covered], np.pi * (1 - 0.14789 / np.pi), rtol=5e-3)
 
 
+@pytest.mark.parametrize("kind", ["sky", "box"])
+def test_maps_of_the_oil_are_finer_than_the_lattice_of_rays(kind):
+    """Where rays are interpolated, the oil is not: under a sky, and under a box from afar, each texel has its own."""
+    rng = np.random.default_rng(0)
+    m, factor = (rng.uniform(*bounds, (96, 128)).astype(np.float32) for bounds in ((0.15, 0.9), (0.0, 1.0)))
+    f0 = rng.uniform(0.01, 0.2, m.shape).astype(np.float32)
+    maps = SkinMaps(roughness={1001: m}, specular={1001: factor}, f0={1001: f0})
+    if kind == "sky":
+        light = EnvironmentLight(name="sky", type="environment", radiance=(1, 1, 1))
+        arriving, albedo = np.pi, np.vectorize(mean_specular_albedo)(m, f0)
+    else:
+        box = {"position_mm": (0, 0, 10000), "edge_u_mm": (0, 100, 0), "edge_v_mm": (100, 0, 0)}
+        light = RectangleLight(name="box", type="rectangle", radiance=(1, 1, 1), **box)
+        split = integrate_specular_albedo(1.0, m.astype(float))
+        arriving, albedo = 1e-4, f0 * split[..., 0] + split[..., 1]
+    _, result = light_one(quad(), light, (128, 96), maps, specular=SpecularSpec(strength=0.3), energy_conservation=True)
+    np.testing.assert_allclose(result.rgb[0, ..., 0], arriving * (1 - 0.3 * factor * albedo), rtol=5e-4)
+
+
 @pytest.mark.parametrize("green", [0.0, 0.4])
 def test_a_normal_map_tilts_along_u_and_v(green):
     """A constant tangent normal on a quad turns the normal towards +u and +v by its slopes, mirrored charts too."""
@@ -317,6 +336,19 @@ def test_a_normal_map_tilts_along_u_and_v(green):
         type(mirrored)(mirrored.positions_mm, mirrored.faces, uv, mirrored.corner_normal), sun(*direction), maps=maps
     )
     np.testing.assert_allclose(result.rgb[0, ..., 0], (unit * [-1, 1, 1]) @ to_light, rtol=1e-5)
+
+
+def test_bumps_fade_at_the_terminator_without_shadows_too():
+    """A box that grazes a quad lights a bump that faces it as a lamp there does, with shadows or without."""
+    tilt = np.array([0.9, 0.0, 0.4])
+    maps = SkinMaps(normal={1001: np.broadcast_to(tilt.astype(np.float32), (4, 4, 3)).copy()})
+    box = {"position_mm": (10000, 0, 300), "edge_u_mm": (0, 0, 100), "edge_v_mm": (0, 100, 0), "radiance": (1, 1, 1)}
+    lamp = PointLight(name="lamp", type="point", position_mm=box["position_mm"], intensity=(10000, 10000, 10000))
+    _, expected = light_one(quad(), lamp, maps=maps, shadows=False)
+    for shadows in (False, True):
+        light = RectangleLight(name="box", type="rectangle", **box, shadows=shadows)
+        _, result = light_one(quad(), light, maps=maps)
+        np.testing.assert_allclose(result.rgb, expected.rgb, rtol=0.02)
 
 
 def test_an_object_space_map_is_the_normal():
