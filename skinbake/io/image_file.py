@@ -21,6 +21,8 @@ LARGEST_SIDE = 32768  # texels, as of texture.size
 XYZ = {"X": "R", "Y": "G", "Z": "B"}  # of vectors: an image of Y alone is grey
 # Kinds of files that hold colours multiplied by alpha unless they say otherwise. Of others OpenImageIO does not say it
 MULTIPLIED = ("openexr", "tiff", "targa", "rla", "iff")
+TGA_MULTIPLIED = 4  # type of alpha of a TGA; others but 3, colours beside it, say that it means nothing
+FOURTH_BYTE = ("bmp", "targa")  # kinds of files that may hold one though they have no alpha: it is 0 then
 LONG = {"RED": "R", "GREEN": "G", "BLUE": "B", "ALPHA": "A"}
 
 
@@ -148,8 +150,11 @@ def read_stored(
     if len(wanted) > len(chosen):
         alpha = _fraction(found[..., wanted[-1] - low])
         multiplied = kind in MULTIPLIED and not attributes.get("oiio:UnassociatedAlpha")
+        undefined = kind == "targa" and multiplied and attributes.get("targa:alpha_type") != TGA_MULTIPLIED
+        if undefined or (kind in FOURTH_BYTE and not alpha.any()):
+            alpha = None
         # In our own files A is the charts' coverage
-        if divide and multiplied and "skinbake:version" not in attributes:
+        elif divide and multiplied and "skinbake:version" not in attributes:
             pixels = _divided(pixels, alpha)
     return StoredImage(pixels, alpha, attributes)
 

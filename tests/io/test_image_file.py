@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
@@ -10,6 +12,7 @@ from PIL import Image
 
 from skinbake.errors import InputError
 from skinbake.io.exr import Part, write_parts
+from skinbake.io.image import read_opacity
 from skinbake.io.image_file import read_header, read_stored
 from tests.images import flat_png, icc_profile, save, ultra_hdr
 
@@ -54,6 +57,25 @@ def test_alpha_that_nothing_is_said_of_is_left_alone(tmp_path, suffix):
     found = read_stored(tmp_path / f"map.{suffix}")
     np.testing.assert_array_equal(found.pixels, pixels[..., :3])
     np.testing.assert_allclose(found.alpha, 128 / 255, atol=1e-6)
+
+
+def test_a_fourth_byte_without_a_meaning_is_no_alpha(tmp_path):
+    """0 throughout in BMP and TGA; of a TGA that says so: it was divided out of the colours, and hair was not there."""
+    pixels = np.tile(np.array([100, 50, 25, 0], np.uint8), (8, 8, 1))
+    for name in ("map.bmp", "map.tga"):
+        Image.fromarray(pixels).save(tmp_path / name)
+        found = read_stored(tmp_path / name)
+        np.testing.assert_array_equal(found.pixels, pixels[..., :3])
+        assert found.alpha is None
+        assert read_opacity(tmp_path / name)[0, 0] == pytest.approx(np.mean([100, 50, 25]) / 255)
+    pixels[..., 3] = 128
+    for kind, means in ((0, False), (1, False), (2, False), (3, True)):
+        head = struct.pack("<3B9x2H2B", 0, 0, 2, 8, 8, 32, 0x28) + pixels[..., [2, 1, 0, 3]].tobytes()
+        extension = struct.pack("<H492xB", 495, kind) + struct.pack("<II", len(head), 0)
+        (tmp_path / "map.tga").write_bytes(head + extension + b"TRUEVISION-XFILE.\0")
+        found = read_stored(tmp_path / "map.tga")
+        np.testing.assert_array_equal(found.pixels, pixels[..., :3])
+        assert (found.alpha is not None) == means
 
 
 def test_identifiers_are_no_values(tmp_path):
