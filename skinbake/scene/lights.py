@@ -9,6 +9,8 @@ from pydantic import AfterValidator, Field, model_validator
 
 from skinbake.scene.strict import LARGEST, NonNegative, Positive, Rgb, Strict, Vector
 
+PARALLEL = 1e-6  # sine of the angle between two edges, below which they have no side
+
 
 def _has_length(vector: Vector) -> Vector:
     """The vector, refused if it has no direction."""
@@ -95,6 +97,15 @@ class RectangleLight(_Light):
     """W/(sr m^2) on its one side."""
     samples: Annotated[int, Field(ge=1, le=4096)] | None = None
     """Shadow rays a texel; by default as many as the tolerance needs, from 36 on, 144 where `opacity` is used."""
+
+    @model_validator(mode="after")
+    def _has_area(self) -> RectangleLight:
+        (ux, uy, uz), (vx, vy, vz) = (
+            [of / math.hypot(*edge) for of in edge] for edge in (self.edge_u_mm, self.edge_v_mm)
+        )
+        if math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx) < PARALLEL:
+            raise ValueError(f"expected edges that span an area, got {self.edge_u_mm} along {self.edge_v_mm}")
+        return self
 
 
 class EnvironmentLight(_Light):

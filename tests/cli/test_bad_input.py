@@ -155,6 +155,11 @@ CASES = {
                            "intensity": [1, 1, 1], "inner_deg": 40, "outer_deg": 30}),
         "inner_deg < outer_deg",
     ),
+    "rectangle without area": (
+        keyed("lights.0", {"name": "r", "type": "rectangle", "position_mm": [0, 0, 9], "edge_u_mm": [1, 1, 0],
+                           "edge_v_mm": [2, 2, 0], "radiance": [1, 1, 1]}),
+        "lights[0]: expected edges that span an area",
+    ),
     "unknown key": (keyed("texture.sise", 512), "did you mean size"),
     "size zero": (keyed("texture.size", 0), "texture.size"),
     "size of text": (keyed("texture.size", "large"), "texture.size"),
