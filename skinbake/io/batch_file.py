@@ -11,7 +11,7 @@ from typing import Any
 from skinbake.errors import ConfigError, InputError
 from skinbake.io.config import frames_of, load_frames, parse_look
 from skinbake.io.frames import frame_name
-from skinbake.io.look_paths import resolve_paths
+from skinbake.io.look_paths import absolute_path, resolve_paths
 from skinbake.io.merge import lay_over, part_of
 from skinbake.io.overrides import apply_overrides, put
 from skinbake.io.presets import merge_preset
@@ -160,7 +160,10 @@ def _base(layer: Located, folder: Path) -> tuple[Located, Path]:
     name, place = layer.value[BASE], f"{layer.place((BASE,))}: {BASE}"
     if not isinstance(name, str):
         raise ConfigError([f"{place}: expected the path of a look file, got {name!r}"])
-    path = folder / name
+    try:
+        path = absolute_path(name, folder)
+    except InputError as error:
+        raise ConfigError([f"{place}: {error}"]) from error
     if not path.is_file():
         raise ConfigError([f"{place}: expected a look file, found none at {path}"])
     located = read_yaml(path)

@@ -53,7 +53,7 @@ def resolve_paths(located: Located, base: Path, only: str | None = None) -> None
             return [visit(v, (*key, i)) for i, v in enumerate(value)]
         if is_path(value, key) and only in (None, located.place(key)):
             try:
-                return str(_absolute(value, base))
+                return str(absolute_path(value, base))
             except InputError as error:
                 faults.append(f"{located.place(key)}: {dotted(key)}: {error}")
         return value
@@ -69,8 +69,14 @@ def is_path(value: Any, key: Key) -> bool:
     return isinstance(value, str) and bool(_PATH_KEYS.fullmatch(name)) and not (value == OF_FILE and "opacity" in name)
 
 
-def _absolute(text: str, base: Path) -> Path:
-    """Absolute path of a text, `${NAME}` and `~` expanded."""
+def absolute_path(text: str, base: Path) -> Path:
+    """Absolute path of a text, relative to a folder, `${NAME}` and `~` expanded.
+
+    Raises
+    ------
+    InputError
+        It is empty, or names a variable that is not set or a home that does not exist.
+    """
     if "\0" in text:
         raise InputError("expected a path, got text with a NUL character")
     if not text:

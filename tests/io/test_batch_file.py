@@ -112,6 +112,17 @@ def test_jobs_may_bring_their_own_base(batch, tmp_path):
     assert a.texture.size == c.texture.size == (16, 16)
 
 
+def test_a_base_is_a_path_as_any_other(batch, tmp_path, monkeypatch):
+    """With `~` and variables of the environment."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SKINBAKE_TEST_LOOKS", "looks")
+    wanted = load_batch(batch()).jobs[0].spec
+    for base in ("~/looks/look.yaml", '"${SKINBAKE_TEST_LOOKS}/look.yaml"', "looks/../looks/look.yaml"):
+        assert load_batch(batch(BATCH.replace("looks/look.yaml", base))).jobs[0].spec == wanted
+    (fault,) = faults(batch(BATCH.replace("looks/look.yaml", '"${SKINBAKE_TEST_NOWHERE}/look.yaml"')))
+    assert fault.startswith("looks.yaml:2: base: expected the environment variable SKINBAKE_TEST_NOWHERE, which is not")
+
+
 def test_another_medium_replaces_the_one_below(batch):
     """Keys of a dipole do not survive under a burley; `fit` does, since it is no part of the medium."""
     text = (
