@@ -19,6 +19,9 @@ SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 METRE = 1000.0
 UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]", "float2[]", "double2[]")
 UV_NAMES = ("st", "UVMap", "uv", "map1")  # as programs call the first set
+# Surfaces that would be missing; curves and points have none
+NO_MESHES = ("PointInstancer", "Sphere", "Cube", "Cylinder", "Cylinder_1", "Cone", "Capsule", "Capsule_1", "Plane",
+             "NurbsPatch", "TetMesh")  # fmt: skip
 Index = NDArray[np.int64]
 
 
@@ -46,10 +49,11 @@ def read_usd(path: Path, uv_set: int | None = None, time: float | None = None) -
         everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         parts = []
         for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
-            if prim.IsA(UsdGeom.PointInstancer) and _is_seen(prim, at):
+            if str(prim.GetTypeName()) in NO_MESHES and _is_seen(prim, at):
+                kind = str(prim.GetTypeName())
+                what = "its instances as meshes" if kind == "PointInstancer" else "it as a mesh"
                 raise InputError(
-                    f"{path}: {prim.GetPath()} is a PointInstancer, which is not supported; export its instances as"
-                    " meshes, or make it invisible"
+                    f"{path}: {prim.GetPath()} is a {kind}, which is not supported; export {what}, or make it invisible"
                 )
             if prim.IsA(UsdGeom.Mesh) and _is_seen(prim, at):
                 parts += _parts(path, prim, at, _to_world(prim, cache), uv_set)

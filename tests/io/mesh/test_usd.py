@@ -211,6 +211,17 @@ def test_instances_are_refused_by_name(tmp_path):
     assert len(read_raw(stage(tmp_path, mesh(), unseen)).faces) == 2
 
 
+@pytest.mark.parametrize("kind", ["Sphere", "Cube", "NurbsPatch"])
+def test_surfaces_that_are_no_meshes_are_refused_by_name(tmp_path, kind):
+    """An eye that is a sphere shadowed nothing, without a word; invisible ones, proxies and curves are nothing."""
+    text = 'def {} "Eye" {{\n{}\n}}'
+    with pytest.raises(InputError, match=rf"head\.usda: /Eye is a {kind}, which is not supported; export it as a mesh"):
+        read_raw(stage(tmp_path, mesh(), text.format(kind, "")))
+    unseen = [text.format(kind, more) for more in ('token visibility = "invisible"', 'uniform token purpose = "proxy"')]
+    for other in (*unseen, text.format("BasisCurves", "")):
+        assert len(read_raw(stage(tmp_path, mesh(), other)).faces) == 2
+
+
 def matrix(rows):
     """A matrix of USD's, in its notation."""
     return "(" + ", ".join(str(tuple(row)) for row in rows.tolist()) + ")"
