@@ -2,7 +2,7 @@
 
 from skinbake.atlas.coarser import coarser_atlas, coarser_size, limited_size
 from skinbake.atlas.interpolate import interpolate
-from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, mm_per_texel, uv_jacobian
+from skinbake.atlas.metric import face_mm_per_texel, first_fundamental_form, uv_jacobian
 from skinbake.atlas.on_charts import on_charts
 from skinbake.atlas.raster import NO_FACE, Atlas, AtlasRaster
 from skinbake.atlas.rasterize import rasterize, signed_uv_area
@@ -34,7 +34,6 @@ __all__ = [
     "interpolate",
     "limited_size",
     "local_uv",
-    "mm_per_texel",
     "on_charts",
     "rasterize",
     "report_picture",

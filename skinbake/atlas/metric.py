@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skinbake.atlas.raster import AtlasRaster
 from skinbake.numerics import Float, safe_div
 from skinbake.scene.mesh import SkinMesh
 
@@ -43,10 +41,3 @@ def face_mm_per_texel(mesh: SkinMesh, size: tuple[int, int]) -> Float:
     """
     form = first_fundamental_form(mesh)
     return np.sqrt(form[:, [0, 2]]) / np.asarray(size, dtype=np.float64)
-
-
-def mm_per_texel(raster: AtlasRaster, mesh: SkinMesh) -> NDArray[np.float32]:
-    """Skin length of one step along a column and along a row at each texel, mm, shape (H, W, 2); zero where empty."""
-    height, width = raster.shape
-    per_face = face_mm_per_texel(mesh, (width, height)).astype(np.float32)
-    return np.where(raster.addressed[..., None], per_face[raster.face_index], np.float32(0))

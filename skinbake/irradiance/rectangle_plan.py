@@ -25,7 +25,6 @@ from skinbake.scene.decision import Decision
 from skinbake.scene.lights import RectangleLight
 from skinbake.scene.mesh import SkinMesh
 
-Image = NDArray[np.float32]
 POINTS = 2048  # of the skin: few of them may see a part of the light alone
 DEFAULT_SAMPLES = 36  # at least
 HAIR_SAMPLES = 144  # where light passes between strands: many edges lie in one penumbra

@@ -121,12 +121,6 @@ class _Drawn(NamedTuple):
     near: NDArray[np.int64]
 
 
-@kernel(inline=True)
-def _cosine(a: Image, i: int, b: Image, j: int) -> float:
-    """Cosine between unit vectors i of `a` (n, 3) and j of `b` (m, 3)."""
-    return a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
-
-
 @kernel
 def _find_nearest(first: int, stop: int, directions: Image, towards: Image, near: NDArray[np.int64]) -> None:
     """Number of the direction all around that is nearest to each of a sky's.

@@ -25,7 +25,6 @@ from skinbake.kernels.compile import kernel
 
 LANES = 16
 _VECTOR = ir.VectorType(ir.FloatType(), LANES)
-_ZERO = np.float32(0)
 
 
 class _LanesType(types.Type):

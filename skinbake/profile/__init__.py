@@ -1,7 +1,7 @@
 """Scattering models, and the sum of Gaussians fitted to them. What leaves this folder is a GaussianSum."""
 
 from skinbake.profile.diffusion_profile import DiffusionProfile, Evaluated, evaluate
-from skinbake.profile.fit import fit_gaussians, fit_report, fit_skin
+from skinbake.profile.fit import fit_report, fit_skin
 from skinbake.profile.fit_report import FitReport
 from skinbake.profile.from_skin import profile_of
 from skinbake.profile.gaussian_sum import GaussianSum
@@ -12,7 +12,6 @@ __all__ = [
     "FitReport",
     "GaussianSum",
     "evaluate",
-    "fit_gaussians",
     "fit_report",
     "fit_skin",
     "profile_of",

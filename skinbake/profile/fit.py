@@ -132,24 +132,6 @@ def more_gaussians(gaussians: GaussianSum, fit: FitSpec) -> int | None:
     return min(count + 2, MAX_GAUSSIANS)
 
 
-def fit_gaussians(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white") -> GaussianSum:
-    """Sum of Gaussians nearest to a profile: `fit_report` without the report.
-
-    Parameters
-    ----------
-    profile : DiffusionProfile
-    fit : FitSpec
-        A number of Gaussians, or a tolerance.
-    normalise : {"white", "none"}
-
-    Raises
-    ------
-    InputError
-        As `fit_report`.
-    """
-    return fit_report(profile, fit, normalise).gaussians
-
-
 def fit_report(profile: DiffusionProfile, fit: FitSpec, normalise: str = "white") -> FitReport:
     """Fit Gaussians of shared variances by the r-weighted relative error, theory.md 4.2.
 

@@ -7,7 +7,6 @@ these the ones in whose way there is something. The others bring no light from s
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin
 from skinbake.diffuse.terms.skin_view import SkinView, numbered
@@ -15,7 +14,6 @@ from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 from skinbake.relight.open_sky import OpenSky
 
-Image = NDArray[np.float32]
 RAYS = 128  # of a texel's 512 directions above the horizon; in the way of one in twenty there is skin of a head
 _TURN = 0.6180339887498949  # of neighbouring texels' rays against each other
 

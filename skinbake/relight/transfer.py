@@ -37,7 +37,6 @@ from skinbake.scene.decision import Decision, Decisions
 from skinbake.scene.lights import DirectionalLight
 from skinbake.scene.spec import RelightSpec, SceneSpec
 
-Image = NDArray[np.float32]
 Say = Callable[[str], None]
 DEFAULT_SIZE = 1024
 ORDER = 14  # of the harmonics in which lights are described to a fitted basis

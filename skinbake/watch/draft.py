@@ -21,9 +21,9 @@ from skinbake.io.memory_cache import MemoryCache
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.preview.scene import PreviewScene
 from skinbake.scene.maps import IMAGES
-from skinbake.scene.spec import SceneSpec
+from skinbake.scene.spec import DRAFT, SceneSpec
 
-SIZE, TOLERANCE, DRAFT_METHOD = 512, 0.05, "hybrid"
+SIZE, DRAFT_METHOD = 512, "hybrid"
 LEFT_OUT = ("beam", "interreflection", "transmission")  # unless the look says "on": to weigh them takes time
 
 
@@ -33,7 +33,7 @@ def draft_of(spec: SceneSpec) -> SceneSpec:
     while max(width, height) > SIZE:
         width, height = max(width // 2, 1), max(height // 2, 1)
     texture = spec.texture.model_copy(update={"size": (width, height), "reduce": "off"})
-    tolerance = max(spec.diffusion.tolerance, TOLERANCE)
+    tolerance = max(spec.diffusion.tolerance, DRAFT)
     method = DRAFT_METHOD if spec.diffusion.method == "auto" else spec.diffusion.method
     diffusion = spec.diffusion.model_copy(update={"method": method, "tolerance": tolerance, "probes": 0})
     terms = spec.terms.model_copy(update={name: "off" for name in LEFT_OUT if getattr(spec.terms, name) == "auto"})

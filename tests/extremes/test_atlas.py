@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skinbake.atlas import interpolate, mm_per_texel, rasterize
+from skinbake.atlas import interpolate, rasterize
 from tests.extremes.moves import moved, relative, rotation, uv_turned
-from tests.shapes import relief, sphere
+from tests.shapes import sphere
 
 
 @settings(max_examples=10, deadline=None)
@@ -33,13 +33,3 @@ def test_a_quarter_turn_of_the_texture(layout):
     shown = [interpolate(raster, m.corner_position_mm) for raster, m in ((here, mesh), (there, uv_turned(mesh)))]
     inside = np.rot90(here.coverage) > 0.999
     assert np.abs(shown[1] - np.rot90(shown[0]))[inside].max() < 1e-3
-
-
-def test_millimetres_of_a_texel_in_float32():
-    """mm per texel from 1e-4 to 1e3 mm: float32 against the scale, to 1e-6."""
-    mesh = relief(60.0)
-    raster = rasterize(mesh, (37, 30))[0]
-    one = mm_per_texel(raster, mesh)
-    for scale in (1e-5, 1e3):
-        other = mm_per_texel(raster, moved(mesh, np.eye(3), scale=scale))
-        assert relative(other / scale, one) < 1e-6

@@ -5,7 +5,7 @@ import pytest
 
 from skinbake.errors import InputError
 from skinbake.io.config import load_skin
-from skinbake.profile import GaussianSum, fit_gaussians, fit_report, fit_skin, profile_of
+from skinbake.profile import GaussianSum, fit_report, fit_skin, profile_of
 from skinbake.profile.fit_report import error_against
 from skinbake.profile.models import GaussianProfile, LayeredProfile
 from skinbake.profile.variable_projection import Fitter
@@ -115,7 +115,7 @@ def test_report_describes_the_fit():
 
 def test_error_against_another_profile():
     """Gaussians against themselves err by nothing; at half their light the best scale is 1/2 and the error as is 1."""
-    gaussians = fit_gaussians(profile_of(dipole()), FitSpec(gaussians=4))
+    gaussians = fit_report(profile_of(dipole()), FitSpec(gaussians=4)).gaussians
     half = GaussianSum(gaussians.variance_mm2, gaussians.weight_rgb / 2, np.zeros(3), np.ones(3))
     error, scale, scaled = error_against(gaussians, GaussianProfile(half).fit_nodes())
     np.testing.assert_allclose(error, 1, rtol=1e-9)
