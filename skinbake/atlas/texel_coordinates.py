@@ -56,14 +56,16 @@ def tile_origin(tile: int) -> tuple[int, int]:
     return (tile - FIRST_TILE) % 10, (tile - FIRST_TILE) // 10
 
 
-def tile_of_face(mesh: SkinMesh) -> NDArray[np.int64]:
-    """UDIM number of the tile that holds each face's centre, shape (F,).
+def tile_of_face(mesh: SkinMesh, udim: bool) -> NDArray[np.int64]:
+    """UDIM number of the tile that holds each face's centre, shape (F,); without `udim` there is one tile.
 
     Raises
     ------
     InputError
         If a face lies where there is no tile.
     """
+    if not udim:
+        return np.full(len(mesh.faces), FIRST_TILE)
     cell = np.floor(mesh.corner_uv.mean(axis=1))
     outside = (cell < 0).any(axis=1) | (cell[:, 0] > 9) | (cell[:, 1] > 899)
     if outside.any():
@@ -84,4 +86,4 @@ def tiles_of(mesh: SkinMesh, udim: bool) -> tuple[int, ...]:
     InputError
         If a face lies where there is no tile.
     """
-    return tuple(int(tile) for tile in np.unique(tile_of_face(mesh))) if udim else (FIRST_TILE,)
+    return tuple(int(tile) for tile in np.unique(tile_of_face(mesh, True))) if udim else (FIRST_TILE,)

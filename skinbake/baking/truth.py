@@ -301,7 +301,7 @@ def light_baked(folder: Path, mesh: SkinMesh, at: TruthPoints) -> Float:
     lights = len(scene.lights)
     weight = np.concatenate([1 - at.barycentric.sum(axis=1, keepdims=True), at.barycentric], axis=1)
     uv = np.einsum("pk,pki->pi", weight, mesh.corner_uv[at.face])
-    tile = tile_of_face(mesh)[at.face]
+    tile = tile_of_face(mesh, True)[at.face]
     place = np.empty((len(uv), 2))
     for number in np.unique(tile).tolist():
         local = local_uv(uv[tile == number], number)

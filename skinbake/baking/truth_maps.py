@@ -53,7 +53,7 @@ class VaryingSkin:
         """
         edge = np.diff(mesh.corner_position_mm[:, [0, 1, 2, 0]], axis=1)
         parts = np.ceil(np.linalg.norm(edge, axis=2).max(axis=1) / FINEST_MM).astype(int).clip(1, 64)
-        places, uvs, tiles, tile = [], [], [], tile_of_face(mesh)
+        places, uvs, tiles, tile = [], [], [], tile_of_face(mesh, True)
         for count in np.unique(parts).tolist():
             face = np.flatnonzero(parts == count)
             weight = _lattice(count)

@@ -39,7 +39,7 @@ from skinbake.numerics import Float, Zeros
 from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.scene.budget import Budget, left_wrong
 from skinbake.scene.decision import TOTAL_LIGHT, Decision, Decisions
-from skinbake.scene.lights import EnvironmentLight, LightSpec
+from skinbake.scene.lights import EnvironmentLight
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
@@ -169,7 +169,7 @@ def light_entering(
         np.copyto(image, tile.rgb[tile.lights.index(name)])
         if name in slanted:
             assert slant is not None
-            apply_slant(raster, normal, scene.occluder, _named(spec, name), slant, skies.get(name), image)
+            apply_slant(raster, normal, scene.occluder, spec.light(name), slant, skies.get(name), image)
 
     upstream = ShiftedLights()
     places = [i if decisions.separate_lights else 0 for i in range(len(names))]
@@ -187,11 +187,11 @@ def light_entering(
             arrive(raster, normal, tile, name, arrived)
             if image is not None:  # blurring is linear: what is stored summed is blurred summed
                 out[0] += image
-            if shape and not _named(spec, name).everywhere:
+            if shape and not spec.light(name).everywhere:
                 shape.add_lamp(raster.tile, places[i], arrived)
             if moved is not None and name in shifted:
                 coloured = arrived * (albedo[k] if exponent == 1 else albedo[k] ** exponent)
-                upstream.add(raster, places[i], name, coloured, shifts[k].read(_named(spec, name), coloured))
+                upstream.add(raster, places[i], name, coloured, shifts[k].read(spec.light(name), coloured))
                 moved[places[i]] -= coloured
                 del coloured
             del arrived
@@ -233,7 +233,7 @@ def light_entering(
             normal = shading_normals(raster, scene.mesh, scene.maps, aside.zeros)[1]
             image = np.empty((*raster.shape, 3), np.float32)
             for place, name in zip(places, tile.lights, strict=True):
-                if place in kept and not _named(spec, name).everywhere:
+                if place in kept and not spec.light(name).everywhere:
                     arrive(raster, normal, tile, name, image)
                     yield place, image
 
@@ -280,11 +280,6 @@ def _area_sum(area_mm2: Image, colour: Image) -> Float:
     for_slices(add, len(area_mm2), _ROWS)
     total: Float = sums.sum(axis=0)
     return total
-
-
-def _named(spec: SceneSpec, name: str) -> LightSpec:
-    """The look's light of a name."""
-    return next(of for of in spec.lights if of.name == name)
 
 
 def _decide_incidence(

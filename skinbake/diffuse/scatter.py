@@ -213,7 +213,7 @@ def _curved_as(
 def _transmitted(spec: SceneSpec, slanted: frozenset[str], name: str) -> TransmittedLight:
     """What is known of a stored light: of a sum of several, that most of it counts by its incidence or does not."""
     if name != TOTAL_LIGHT:
-        return TransmittedLight(next(light for light in spec.lights if light.name == name), name in slanted)
+        return TransmittedLight(spec.light(name), name in slanted)
     return TransmittedLight(spec.lights[0] if len(spec.lights) == 1 else None, 2 * len(slanted) > len(spec.lights))
 
 

@@ -15,7 +15,7 @@ from skinbake.io.exr import Part, read_attributes, read_parts, rgb_channels, wri
 from skinbake.io.image import read_radiance
 from skinbake.io.image_values import RINGING
 from skinbake.irradiance import IrradianceMap
-from skinbake.scene.decision import Decision
+from skinbake.scene.decision import TOTAL_LIGHT, Decision
 
 LIGHT = "light."
 TOTAL = "irradiance"
@@ -110,7 +110,7 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
         rgb = read_radiance(path)
         if size is None or rgb.shape[1::-1] == tuple(size):
             one = np.ones(rgb.shape[:2], np.float32)
-            return IrradianceMap(tile, ("total",), rgb[None], one[None], one)
+            return IrradianceMap(tile, (TOTAL_LIGHT,), rgb[None], one[None], one)
         raise InputError(f"{path}: expected texture.size {size[0]} x {size[1]}, got {rgb.shape[1]} x {rgb.shape[0]}")
     parts = read_parts(path)
     lights = [name for name, part in parts.items() if name.startswith(LIGHT) and {"R", "G", "B"} <= set(part.channels)]
@@ -136,7 +136,7 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
     one = np.ones((height, width), np.float16)
     return IrradianceMap(
         tile,
-        tuple(name.removeprefix(LIGHT) for name in lights) or ("total",),
+        tuple(name.removeprefix(LIGHT) for name in lights) or (TOTAL_LIGHT,),
         rgb,
         _stacked([[part.channels.get("visibility", one)] for part in chosen])[..., 0],
         np.asarray(total.channels.get("A", one), np.float32),

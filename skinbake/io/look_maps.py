@@ -89,7 +89,7 @@ def _with_materials(
     file = GltfFile(path)
     painted = painted_mesh(mesh)
     part = mesh.part if mesh.part is not None else np.zeros(len(mesh.faces), np.int32)
-    tile = tile_of_face(painted) if spec.texture.udim else np.full(len(part), FIRST_TILE)
+    tile = tile_of_face(painted, spec.texture.udim)
     taken = [role for role in OF_MATERIAL if getattr(spec.maps, role) is None]
     made: dict[str, dict[int, Image]] = {role: dict(getattr(maps, role)) for role in taken}
     notes = []

@@ -101,7 +101,7 @@ def plan_environment(
     sky = SkySamples(radiance, light.rotate_deg)
     offset = (seed * 0x9E3779B97F4A7C15 + zlib.crc32(light.name.encode())) % 2**32 / 2**32
     samples, lines, noise = 0, [line], 0.0
-    if shadows if light.shadows is None else light.shadows:
+    if light.casts(shadows):
         term = f"{light.name}.shadows"
         if light.samples is not None:
             samples, why = light.samples, f"{light.samples} directions, asked for"

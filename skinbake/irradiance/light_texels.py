@@ -102,9 +102,7 @@ def light_texels(
     }
     points_of_rectangles = RectanglePoints(mesh, occluder, size, gaussians)
     rectangles = {
-        light.name: plan_rectangle(
-            light, points_of_rectangles, shadows if light.shadows is None else light.shadows, tolerance, seed
-        )
+        light.name: plan_rectangle(light, points_of_rectangles, light.casts(shadows), tolerance, seed)
         for light in lights
         if isinstance(light, RectangleLight)
     }
@@ -117,7 +115,7 @@ def light_texels(
         lit = zeros((*raster.shape, 4), np.float32)  # irradiance, and the unshadowed share
         for k, light in enumerate(lights):
             tell(f"{light.name}, {k + 1} of {len(lights)}")
-            casts = shadows if light.shadows is None else light.shadows
+            casts = light.casts(shadows)
             if isinstance(light, RectangleLight):
                 arriving, lit[..., 3] = light_rectangle(
                     surface, occluder, light, casts, table, seed, rectangles[light.name].grid

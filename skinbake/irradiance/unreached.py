@@ -55,7 +55,7 @@ def unreached(
                 else _punctual(light, point, outwards)
             )
             lit = np.flatnonzero(arriving > 0)
-            if len(lit) and mesh.casters is not None and (shadows if light.shadows is None else light.shadows):
+            if len(lit) and mesh.casters is not None and light.casts(shadows):
                 to_light = _middle(light, point[lit]) - point[lit]
                 blocked = occluder.occluded(
                     origin[lit], to_light.astype(np.float32), np.full(len(lit), 1 - 1e-4, np.float32)

@@ -44,10 +44,7 @@ def vertex_buffers(mesh: SkinMesh, tiles: tuple[int, ...]) -> dict[int, VertexBu
     tiles : tuple of int
         Tiles with textures. A single 1001 takes every face, its UVs as they are.
     """
-    if tiles == (FIRST_TILE,):
-        owner = np.full(len(mesh.faces), FIRST_TILE)
-    else:
-        owner = tile_of_face(mesh)
+    owner = tile_of_face(mesh, udim=tiles != (FIRST_TILE,))
     drawn = mesh.face_area_mm2 > 0
     found = {tile: np.flatnonzero((owner == tile) & drawn) for tile in tiles}
     return {tile: _buffers(mesh, faces, tile) for tile, faces in found.items() if len(faces)}

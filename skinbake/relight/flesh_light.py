@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import FIRST_TILE, AtlasRaster, Tiles, local_uv, tile_of_face
+from skinbake.atlas import AtlasRaster, Tiles, local_uv, tile_of_face
 from skinbake.bilinear import bilinear_texels
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.terms.far_side import factors_of_lights
@@ -68,7 +68,7 @@ class FleshLight:
         shapes = {tile: image.shape[1:3] for tile, image in diffused.lobes[self._read].rgb.items()}
         begins = dict(zip(shapes, np.cumsum([0, *(h * w for h, w in shapes.values())]), strict=False))
         mesh, self._scatter = thin.skin.mesh, thin.skin.scatter
-        of_face = tile_of_face(mesh) if thin.skin.texture.udim else np.full(len(mesh.faces), FIRST_TILE)
+        of_face = tile_of_face(mesh, thin.skin.texture.udim)
         ray_share = rays_inwards()[1].astype(np.float32)
         among = np.zeros(sum(h * w for h, w in shapes.values()), np.bool_)
         found = []

@@ -31,6 +31,10 @@ class _Light(Strict):
     shadows: bool | None = None
     """Whether it casts shadows; by default as the look says."""
 
+    def casts(self, shadows: bool) -> bool:
+        """Whether it casts shadows in a look that says `shadows`."""
+        return shadows if self.shadows is None else self.shadows
+
 
 class DirectionalLight(_Light):
     """Parallel light. `direction` is where it travels to; `irradiance` falls on a plane facing it."""

@@ -259,6 +259,10 @@ class SceneSpec(Strict):
     frames: Annotated[tuple[int, ...], BeforeValidator(frame_numbers), Also("string"), Also("integer")] | None = None
     """Numbers of a sequence, 1-24 or a list; each stands for #### and %04d in paths."""
 
+    def light(self, name: str) -> LightSpec:
+        """Its light of a name."""
+        return next(light for light in self.lights if light.name == name)
+
     @property
     def packing(self) -> str:
         """How EXR files of light and lobes are packed, as `write_parts` takes it: `output.compression`, and what it

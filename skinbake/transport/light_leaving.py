@@ -198,6 +198,6 @@ def _lights(
         rows = np.arange(size[0]) * image.shape[0] // size[0]
         cols = np.arange(size[1]) * image.shape[1] // size[1]
         sky[i] = image[rows][:, cols, :3]
-    casts = np.array([shadows if light.shadows is None else light.shadows for light in lights], np.bool_)
+    casts = np.array([light.casts(shadows) for light in lights], np.bool_)
     entering = np.ones(2) if share is None else np.asarray(share, np.float64)
     return WalkLights(kind, source, casts, sky, rotate, entering), unit

@@ -42,7 +42,7 @@ def shifted(*offsets):
 def test_faces_belong_to_the_tile_that_holds_their_centre():
     """Numbers run along u to ten, then up; UVs measured from a tile's corner lie in it."""
     mesh = shifted((0, 0), (9, 0), (3, 7))
-    assert tile_of_face(mesh).tolist() == [1001, 1001, 1010, 1010, 1074, 1074]
+    assert tile_of_face(mesh, True).tolist() == [1001, 1001, 1010, 1010, 1074, 1074]
     assert tiles_of(mesh, True) == (1001, 1010, 1074)
     assert tiles_of(mesh, False) == (1001,)
     for tile, faces in zip((1001, 1010, 1074), (slice(0, 2), slice(2, 4), slice(4, 6)), strict=True):
@@ -55,4 +55,4 @@ def test_faces_belong_to_the_tile_that_holds_their_centre():
 def test_where_no_tile_is_is_refused(offset):
     """A negative u would otherwise be the last tile of the row below."""
     with pytest.raises(InputError, match="expected UVs on tiles 1001 to 9999"):
-        tile_of_face(shifted((0, 0), offset))
+        tile_of_face(shifted((0, 0), offset), True)

@@ -73,7 +73,7 @@ class IrradianceStage(Stage[Maps, Maps]):
 
     def _light_key(self, name: str) -> str:
         inputs, spec = self._inputs, self._inputs.spec
-        light = next(light for light in spec.lights if light.name == name)
+        light = spec.light(name)
         # By which skies and rectangles are planned, and what smooths the noise of a rectangle's rays
         tolerance = inputs.decisions.budget.sky_directions if light.type in ("environment", "rectangle") else None
         skin = self._gaussians if light.type == "rectangle" else None

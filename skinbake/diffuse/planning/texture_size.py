@@ -253,7 +253,7 @@ def _draw_patches(rng: np.random.Generator, spec: SceneSpec, mesh: SkinMesh) -> 
     drawn = reached[-1] * (np.arange(_PATCHES) + rng.uniform(size=_PATCHES)) / _PATCHES
     face = np.minimum(np.searchsorted(reached, drawn), len(reached) - 1)
     uv = np.einsum("kc,kcd->kd", rng.dirichlet([1.0, 1.0, 1.0], _PATCHES), mesh.corner_uv[face])
-    tile = tile_of_face(mesh)[face] if spec.texture.udim else np.full(_PATCHES, 1001)
+    tile = tile_of_face(mesh, spec.texture.udim)[face]
     local = np.stack([local_uv(uv[k], int(tile[k])) for k in range(_PATCHES)])
     x, y = texel_xy(local[:, 0], local[:, 1], height, width)
     row, column = (

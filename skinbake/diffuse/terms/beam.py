@@ -153,7 +153,7 @@ def decide_beams(
         shifts = [s.curved(curved.curvature_per_mm[r.tile]) for s, r in zip(shifts, atlas, strict=True)]
     lines, room = [], np.empty((*atlas[0].shape, 3), np.float32)
     for i, name in enumerate(irradiance[0].lights):
-        light = next(of for of in spec.lights if of.name == name)
+        light = spec.light(name)
         if not has_beam(light):
             lines.append(Decision(f"{name}.beam", False, f"{switch}: its light has no one direction"))
             continue

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skinbake.atlas import FIRST_TILE, Tiles, coarser_atlas, coarser_size, interpolate, local_uv, tile_of_face
+from skinbake.atlas import Tiles, coarser_atlas, coarser_size, interpolate, local_uv, tile_of_face
 from skinbake.atlas.sample import bilinear, texels_around
 from skinbake.atlas.texel_coordinates import texel_xy
 from skinbake.bilinear import between, magnify_bilinear
@@ -92,7 +92,7 @@ class CurvedSkin:
         """
         if self.spreads_beams_alone or self.stands_in:
             return None
-        of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
+        of_face = tile_of_face(mesh, udim)
         found = np.ones((len(face), 3), np.float32)
         for tile, bend in self.curvature_per_mm.items():
             height, width = bend.shape[:2]

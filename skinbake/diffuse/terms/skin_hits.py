@@ -176,7 +176,7 @@ class TexturedSkin(NamedTuple):
         parallel_for(_met, len(faces), (child, b1, b2), direction, surface, faces, places)
         met = np.flatnonzero(faces != NOTHING)
         face, uv = faces[met], places[met]
-        owner = tile_of_face(mesh)[face] if self.udim else None
+        owner = tile_of_face(mesh, True)[face] if self.udim else None
         for k, number in enumerate(tiles_of(mesh, self.udim)):
             mine = np.arange(len(met)) if owner is None else np.flatnonzero(owner == number)
             local = local_uv(uv[mine], number)

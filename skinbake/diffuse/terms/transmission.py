@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinbake.atlas import (
-    FIRST_TILE,
     AtlasRaster,
     interpolate,
     local_uv,
@@ -279,7 +278,7 @@ def _gather(
     """
     out = np.zeros((len(diffused.lights), len(face), 3), np.float32)
     mesh, udim = skin.mesh, skin.texture.udim
-    of_face = tile_of_face(mesh) if udim else np.full(len(mesh.faces), FIRST_TILE)
+    of_face = tile_of_face(mesh, udim)
     places = []
     for tile in tiles_of(mesh, udim):
         pick = np.flatnonzero(of_face[face] == tile)
