@@ -16,6 +16,7 @@ def command(mesh: str, out: str | None, force: bool) -> None:
 
     Beside it comes skinbake.schema.json, with which editors complete the look and check it.
     """
+    import os
     from pathlib import Path
 
     from skinbake.cli.schema import schema_text
@@ -26,7 +27,7 @@ def command(mesh: str, out: str | None, force: bool) -> None:
     from skinbake.progress import Progress
 
     path, look = Path(mesh), Path(out or Path(mesh).with_suffix(".yaml").name)
-    if look.exists() and not force:
+    if os.path.lexists(look) and not force:
         raise InputError(f"{look}: is there already; say --force to write over it, or --out for another name")
     if look.exists() and look.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{look}: expected a YAML file for --force to write over; choose another --out")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,7 @@ def refuse_own_exports(target: Path) -> None:
     InputError
         `target` is such a folder.
     """
-    whole = target.resolve()
+    whole = Path(os.path.realpath(target))  # links that lead in a circle are for whoever writes there
     if whole.name == FOLDER and (whole.parent / MANIFEST).is_file():
         raise InputError(
             f"{target}: expected a folder of its own to export to, got that of the bake's output.export, from which the"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import resource
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -88,6 +89,10 @@ def explained(path: Path) -> Iterator[None]:
             ) from error
         if error.errno in (errno.ENOTDIR, errno.EEXIST, errno.EISDIR):
             raise InputError(f"{path}: expected a folder, got a file in the way ({error.strerror})") from error
+        if error.errno == errno.ELOOP and not path.is_symlink():
+            raise InputError(
+                f"{path}: expected a folder, got links that lead in a circle ({error.strerror})"
+            ) from error
         if error.errno == errno.EIO:  # a failing disk, or a library's word
             raise MachineError(f"{path}: cannot be written ({error.strerror or error})") from error
         raise
@@ -111,6 +116,10 @@ def system_error(temporary: Path, said: str) -> OSError:
     for code in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         if os.strerror(code) in said:
             return OSError(code, said)
+    said, *_ = said.splitlines() or [""]
+    largest = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    if temporary.exists() and temporary.stat().st_size == largest:  # some libraries do not say why they stopped there
+        return OSError(errno.EFBIG, said)
     full = shutil.disk_usage(temporary.parent).free < 1 << 16
     return OSError(errno.ENOSPC if full else errno.EIO, said or os.strerror(errno.EIO))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -57,17 +58,20 @@ def write_movie(path: Path | str, frames_per_second: float) -> Iterator[Callable
     import imageio.v2 as imageio
 
     how: dict[str, Any]
-    if Path(path).suffix.lower() == ".gif":
+    held = BytesIO() if Path(path).suffix.lower() == ".gif" else None  # the library tries again what the disk refuses
+    if held is not None:
         steps = max(round(1000 / frames_per_second / GIF_STEP_MS), 2)  # viewers take less than two for ten
         how = {"duration": steps * GIF_STEP_MS, "loop": 0}
     else:
         how = {"fps": frames_per_second, "codec": "libx264", "quality": 8, "macro_block_size": 2}
     with atomic_write(path) as temporary:
-        writer: Any = imageio.get_writer(temporary, mode="I", **how)
+        writer: Any = imageio.get_writer(temporary if held is None else held, temporary.suffix, mode="I", **how)
         try:
             yield lambda pixels: writer.append_data(_even(pixels))
         finally:
             writer.close()
+        if held is not None:
+            temporary.write_bytes(held.getvalue())
 
 
 def _even(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
