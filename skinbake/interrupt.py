@@ -1,4 +1,4 @@
-"""Ctrl-C, and SIGTERM: the process ends within two seconds, whatever it is doing, and leaves nothing half-made.
+"""Ctrl-C, SIGTERM, a closed terminal (SIGHUP): the process ends within two seconds and leaves nothing half-made.
 
 Python raises KeyboardInterrupt in the main thread only, and only between two of its own steps: never while a library
 compiles, traces rays or writes a file, and where it is raised, a library may take it for a fault of its own. Here the
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from types import FrameType
     from typing import Any, NoReturn
 
-STOPPED = {signal.SIGINT: 130, signal.SIGTERM: 143}  # exit codes, as shells have them
+STOPPED = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}  # exit codes, as shells have them
 SAVING_S = 1.2  # that a block of `saving` has to end by itself
 CHILDREN_S = (0.5, 0.3)  # that children have to end by themselves, then to be gone once killed
 STEP_S = 0.01
@@ -38,7 +38,7 @@ _stopping = False
 _finished = False
 
 
-def install(say: bool = True, signals: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM)) -> None:
+def install(say: bool = True, signals: tuple[signal.Signals, ...] = tuple(STOPPED)) -> None:
     """From now on these signals end this process; to be called by its main thread, once.
 
     A signal that is ignored, as in what a shell has put into the background, stays so.

@@ -175,7 +175,7 @@ def _serve(pipe: Connection) -> None:
     """Loop of a worker process: take a job, pass its events on, send its result, until the other end closes."""
     reuse_freed()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears of it and ends us
-    install(say=False, signals=(signal.SIGTERM,))
+    install(say=False, signals=(signal.SIGTERM, signal.SIGHUP))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     while True:
         try:

@@ -13,10 +13,26 @@ from skinbake import interrupt
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run a verb; every expected failure ends as a message and an exit code, never as a traceback."""
+    _open_closed_streams()
     interrupt.install()  # before anything is imported that takes time
     code = run(arguments)
     interrupt.finish()
     _leave(code)
+
+
+def _open_closed_streams() -> None:
+    """Have a standard stream that was closed lead nowhere: the next file that is opened would take its number.
+
+    What libraries say on stderr would then be written into a result.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+            os.set_inheritable(number, True)
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
 def _leave(code: int) -> NoReturn:

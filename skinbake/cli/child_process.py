@@ -65,7 +65,7 @@ def in_child(task: Callable[..., Any], *arguments: Any) -> Any:
 def _serve(connection: Connection) -> None:
     """Loop of the process: take a task, send its result or its error, until the other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends us
-    install(say=False, signals=(signal.SIGTERM,))
+    install(say=False, signals=(signal.SIGTERM, signal.SIGHUP))
     while True:
         try:
             task, arguments = connection.recv()

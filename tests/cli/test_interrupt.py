@@ -211,6 +211,7 @@ with interrupt.undone_at_stop(partial(os.unlink, "half")):
         ("while True:\n        try:\n            time.sleep(9)\n        except BaseException: pass", "SIGINT", 130),
         ("with interrupt.saving():\n        try: time.sleep(9)\n        finally: time.sleep(9)", "SIGINT", 130),
         ("time.sleep(9)", "SIGTERM", 143),
+        ("time.sleep(9)", "SIGHUP", 129),
     ],
 )
 def test_whatever_the_main_thread_is_doing(tmp_path, work, name, code):

@@ -12,6 +12,7 @@ from skinbake.cli import run
 from skinbake.errors import printable
 from skinbake.io.mesh import write_obj
 from tests.conftest import ROOT
+from tests.preview.bakes import write_bake
 from tests.shapes import quad
 
 SMALL = """\
@@ -104,3 +105,20 @@ def test_names_of_parts_and_notes_are_printed_without_their_escapes(tmp_path, ca
     said = found.out + found.err
     assert r"\x1b[31mred" in said
     assert not any(character in said for character in "\x1b\x07\x9b\u202e")
+
+
+@pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1, 2)])
+def test_a_stream_that_is_closed_leads_nowhere(tmp_path, closed):
+    """What is said there is lost; nothing fails, and no file gets its number."""
+    folder = write_bake(tmp_path)
+    script = f"""
+import os, sys
+for number in {closed}:
+    os.close(number)
+python = [sys.executable, "-m", "skinbake"]
+os.execv(sys.executable, python + ["export", {str(folder)!r}, "--sum", "--to", {str(tmp_path / "to")!r}])
+"""
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False, cwd=ROOT)
+    assert found.returncode == 0, found.stderr
+    assert (tmp_path / "to" / "sum.exr").is_file()
+    assert bool(found.stdout) == (1 not in closed)
