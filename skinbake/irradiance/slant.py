@@ -19,13 +19,14 @@ from skinbake.irradiance.punctual_light import DIRECTIONAL, POINT, emitter, towa
 from skinbake.irradiance.shadow_origin import point_of
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
-from skinbake.numerics import Float, safe_div
+from skinbake.numerics import Float, normalized, safe_div
 from skinbake.profile.incidence import Incidence
 from skinbake.scene.decision import Decision
 from skinbake.scene.lights import LightSpec, RectangleLight
 
 Image = NDArray[np.float32]
 CELLS, DIRECTIONS = 24, 2048  # of a sky's table of factors, and of the sky
+PIECES = 4  # of a rectangle, along each edge
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ def apply_slant(
 ) -> None:
     """Multiply one light's irradiance by the factors of the slants at which it enters.
 
-    Exact for directional, point and spot lights; of a rectangle the middles of its quarters count, and of a sky the
+    Exact for directional, point and spot lights; of a rectangle the middles of 4 x 4 pieces count, and of a sky the
     directions that light a normal, as if all of them were open.
 
     Parameters
@@ -211,13 +212,15 @@ def apply_slant(
 
 
 def sources_of(light: LightSpec, centre_mm: Float) -> Float:
-    """A lamp as `emitter` makes it, (1, 10); a rectangle as four points of one brightness, (4, 10)."""
+    """A lamp as `emitter` makes it, (1, 10); a rectangle as the middles of its pieces, (n, 10), of one brightness. Its
+    axis is the side that shines.
+    """
     if not isinstance(light, RectangleLight):
         return emitter(light, centre_mm)[None]
-    u, v = (np.asarray(edge, np.float64) / 4 for edge in (light.edge_u_mm, light.edge_v_mm))
-    middle = light.position_mm - centre_mm
-    quarters = [middle + i * u + j * v for i in (-1, 1) for j in (-1, 1)]
-    return np.array([[POINT, *quarter, 0, 0, 0, -2, -3, 0] for quarter in quarters], np.float64)
+    u, v = (np.asarray(edge, np.float64) for edge in (light.edge_u_mm, light.edge_v_mm))
+    middle, axis = light.position_mm - centre_mm, normalized(np.cross(u, v))
+    places = (np.arange(PIECES) + 0.5) / PIECES - 0.5
+    return np.array([[POINT, *(middle + i * u + j * v), *axis, -2, -3, 0] for i in places for j in places], np.float64)
 
 
 class _Slanted(NamedTuple):
@@ -270,6 +273,8 @@ def _multiply(first, stop, of, face_index, barycentric, subdivided, out):  # typ
                 i = min(int(x), last - 1)
                 # Grazing light counts as well where there is no other
                 weight = max(cosine, 1e-6) * max(reach, 1e-30)
+                if len(of.sources) > 1:
+                    weight *= max(-(lx * source[4] + ly * source[5] + lz * source[6]), 1e-6)
                 total += weight
                 red += weight * (table[i, 0] + (x - i) * (table[i + 1, 0] - table[i, 0]))
                 green += weight * (table[i, 1] + (x - i) * (table[i + 1, 1] - table[i, 1]))

@@ -102,16 +102,20 @@ def test_a_sky_with_a_sun_has_the_factors_of_its_directions():
     assert sun.rms == pytest.approx(np.sqrt(np.mean([0.55, 0.09, 0.26])), rel=0.2)
 
 
-def test_a_rectangle_has_the_mean_of_its_quarters():
-    """Wide and near, by its radiance's own mean."""
+@pytest.mark.parametrize("middle_mm", [(0.0, 0.0, 60.0), (160.0, 0.0, 40.0)])
+def test_a_rectangle_has_the_mean_of_its_pieces(middle_mm):
+    """Wide and near, above the skin or beside it and half of it below the horizon, by its radiance's own mean."""
+    beside = middle_mm[0] > 0
+    edges = ((0.0, 0.0, 160.0), (0.0, 200.0, 0.0)) if beside else ((100.0, 0.0, 0.0), (0.0, -100.0, 0.0))
     panel = RectangleLight(
-        type="rectangle", name="r", position_mm=(0.0, 0.0, 60.0), edge_u_mm=(100.0, 0.0, 0.0),
-        edge_v_mm=(0.0, -100.0, 0.0), radiance=(1.0, 1.0, 1.0),
+        type="rectangle", name="r", position_mm=middle_mm, edge_u_mm=edges[0], edge_v_mm=edges[1],
+        radiance=(1.0, 1.0, 1.0),
     )  # fmt: skip
-    place = (np.arange(400) + 0.5) / 4 - 50
-    x, y = np.meshgrid(place, place)
-    distance2 = x**2 + y**2 + 60.0**2
-    mu = 60 / np.sqrt(distance2)
-    weight = mu * mu / distance2
+    place = (np.arange(400) + 0.5) / 400 - 0.5
+    u, v = np.meshgrid(place, place)
+    to_light = np.asarray(middle_mm) + u[..., None] * edges[0] + v[..., None] * edges[1]
+    distance = np.linalg.norm(to_light, axis=-1)
+    mu = np.maximum(to_light[..., 2] / distance, 0)
+    weight = mu * to_light[..., 0 if beside else 2] / distance**3
     mean = float((mu * weight).sum() / weight.sum())
-    np.testing.assert_allclose(lit(panel, SLANT) / lit(panel), [1 + mean, 2 - mean, 3], rtol=0.05)
+    np.testing.assert_allclose(lit(panel, SLANT) / lit(panel), [1 + mean, 2 - mean, 3], rtol=0.02)
