@@ -1,6 +1,6 @@
 """Colours that a picture names in words which OpenImageIO passes over.
 
-A PNG's and a TIFF's primaries, a TIFF's curve, a photograph's Adobe RGB.
+A PNG's and a TIFF's primaries, a TIFF's curve, a BMP's ICC profile, a photograph's Adobe RGB.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from skinbake.io.colour import REC709, srgb_to_linear
 
 _BEFORE_PRIMARIES = (b"iCCP", b"sRGB", b"cICP")  # a PNG that has one of them means nothing by its primaries
+_BMP_HEADER, _BMP_5 = 14, 124  # bytes
 _UNCALIBRATED = 65535  # EXIF's ColorSpace of all that is not sRGB
 # InteroperabilityIndex, a text of four bytes, R03, in either order of bytes: as whole entries of EXIF have it
 _TRANSFER_FUNCTION, _WHITE, _PRIMARIES = 301, 318, 319  # tags of a TIFF
@@ -45,9 +46,22 @@ def said_colours(path: Path, kind: str, attributes: Mapping[str, Any]) -> dict[s
         return {"chromaticities": primaries} if primaries else {}
     if kind == "tiff":
         return _colours_of_tiff(path)
+    if kind == "bmp":
+        return _profile_of_bmp(path)
     if attributes.get("Exif:ColorSpace") == _UNCALIBRATED and _is_adobe_rgb(path):
         return {"oiio:ColorSpace": "g22_adobergb_scene"}
     return {}
+
+
+def _profile_of_bmp(path: Path) -> dict[str, Any]:
+    """The ICC profile of one whose header has its fifth version."""
+    with path.open("rb") as file:
+        head = file.read(_BMP_HEADER + _BMP_5)
+        size, kind, place, length = struct.unpack("<I52x4s52xII4x", head[_BMP_HEADER:].ljust(_BMP_5, b"\0"))
+        if size != _BMP_5 or kind != b"DEBM":  # embedded, from the last letter to the first
+            return {}
+        file.seek(_BMP_HEADER + place)
+        return {"ICCProfile": np.frombuffer(file.read(length), np.uint8)}
 
 
 def _primaries_of_png(path: Path) -> tuple[float, ...] | None:

@@ -14,6 +14,7 @@ from PIL import Image, TiffImagePlugin
 from skinbake.errors import InputError
 from skinbake.io.colour import decode, srgb_to_linear
 from skinbake.io.image_file import read_stored
+from tests.images import ADOBE_RGB, icc_profile
 
 RGB = (200, 100, 50)
 SRGB = (0.3127, 0.3290, 0.64, 0.33, 0.30, 0.60, 0.15, 0.06)  # as a PNG has them, white first
@@ -136,3 +137,17 @@ def test_primaries_of_a_tiff_that_are_damaged_are_refused(tmp_path):
     with pytest.raises(InputError, match="chromaticities that span colours"):
         tiff(tmp_path / "none.tif", {318: rationals(0, 0)})
     tiff(tmp_path / "text.tif", {319: (2, ["P3"])})
+
+
+@pytest.mark.parametrize("kind", [b"DEBM", b"BGRs"])
+def test_the_profile_of_a_bmp_counts(tmp_path, kind):
+    """Behind the pixels, where the header's fifth version says so; other versions and kinds of colours have none."""
+    profile, pixels = icc_profile(ADOBE_RGB), bytes(RGB[::-1]) * 4
+    head = struct.pack("<IiiHHII16x16x4s48xIII4x", 124, 4, 1, 1, 24, 0, 12, kind, 4, 124 + 12, len(profile))
+    path = tmp_path / "map.bmp"
+    path.write_bytes(b"BM" + struct.pack("<I4xI", 138 + 12 + len(profile), 138) + head + pixels + profile)
+    stored = read_stored(path)
+    found = decode(path, stored.pixels, stored.attributes, "auto", False)[0][0, 0]
+    linear = srgb_to_linear(np.array(RGB) / 255)
+    wanted = np.array(ADOBE_TO_REC709) @ linear if kind == b"DEBM" else linear
+    np.testing.assert_allclose(found, wanted, atol=2e-3)
