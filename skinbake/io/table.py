@@ -24,7 +24,8 @@ def read_profile_csv(path: Path | str) -> tuple[Float, Float]:
     Raises
     ------
     InputError
-        With file and line: a missing column, a value that is no finite number, radii that do not ascend, too few rows.
+        With file and line: a column that is missing or stands twice, a cell in no column, a value that is no finite
+        number, radii that do not ascend, too few rows.
     """
     try:
         with open(path, "rb") as file:
@@ -42,10 +43,15 @@ def read_profile_csv(path: Path | str) -> tuple[Float, Float]:
     missing = [name for name in COLUMNS if name not in header]
     if missing:
         raise InputError(f"{path}:{lines[0][0]}: expected columns {', '.join(COLUMNS)}, missing {', '.join(missing)}")
+    twice = [name for name in COLUMNS if header.count(name) > 1]
+    if twice:
+        raise InputError(f"{path}:{lines[0][0]}: expected columns of different names, {', '.join(twice)} stands twice")
     places = [header.index(name) for name in COLUMNS]
     rows: list[list[float]] = []
     for number, line in lines[1:]:
         cells = _cells(path, number, line)
+        if any(cells[len(header) :]):
+            raise InputError(f"{path}:{number}: expected {len(header)} cells as in the header, got {_shown(line)}")
         try:
             row = [float(cells[place]) for place in places]
         except (ValueError, IndexError) as error:
