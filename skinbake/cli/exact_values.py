@@ -89,7 +89,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     from skinbake.diffuse.probes import Probes, read_at_probes
     from skinbake.diffuse.resources import LobeResources
     from skinbake.diffuse.skin_geometry import SkinGeometry
-    from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
+    from skinbake.diffuse.skin_weights import SkinWeights
     from skinbake.io.scene_files import read_scene
     from skinbake.io.table import read_profile_csv
     from skinbake.irradiance.decide import decide
@@ -115,8 +115,8 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
     everywhere = entering.everywhere and entering.everywhere._replace(rgb=of_everywhere)
     del irradiance, entering
     geometry = SkinGeometry(atlas, scene.mesh)
-    skin = VaryingSkin.of(gaussians, scene.maps, atlas)
-    share = skin.share if skin else None
+    skin_weights = SkinWeights.of(gaussians, scene.maps)
+    share = skin_weights.scattering_share(atlas)
     resources, resources_of_wide = (
         LobeResources(light, geometry, spec.diffusion, share) if light else None for light in (source, of_wide)
     )
@@ -135,7 +135,7 @@ def exact_values(spec: SceneSpec, count: int, at: Probed | None = None) -> tuple
             (at.texture_mm2 / np.prod(geometry.size)).astype(np.float32),
         )
     total = np.zeros((len(probes), 3))
-    weights = SkinWeights.of(gaussians, scene.maps).at_probes(probes)
+    weights = skin_weights.at_probes(probes)
     for variance, weight in zip(gaussians.variance_mm2, weights, strict=True):
         lobe = LobeParameters(float(variance))
         blurred = memoizer.of_lobe(float(variance))

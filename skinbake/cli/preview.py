@@ -242,7 +242,7 @@ def render_still(
     look : PreviewSpec, optional
         What is not said otherwise; that of the bake unless given.
     **how
-        As `preview_worker.render`.
+        As `render_views.render`.
     """
     from skinbake.baking.render_views import render
     from skinbake.io.bake_folder import read_bake_folder, read_relit_folder

@@ -21,7 +21,7 @@ from skinbake.diffuse.planning.auto import plan_auto
 from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
-from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
+from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.source_light import checked_source, scaled_by, scaled_source, unscaled
 from skinbake.diffuse.terms.beam import BeamLight
 from skinbake.diffuse.terms.diffuse_profile import HELD, EverywhereLight
@@ -47,7 +47,7 @@ def diffuse(
     progress: Callable[[str], None] | None = None,
     remember: Memoize | None = None,
     beam: BeamLight | None = None,
-    skin: VaryingSkin | None = None,
+    weights: SkinWeights | None = None,
     plan_for: GaussianSum | None = None,
     aside: Aside = IN_MEMORY,
     everywhere: EverywhereLight | None = None,
@@ -76,8 +76,8 @@ def diffuse(
         Asked for what is known of a light already; the result is the same to the last bit.
     beam : BeamLight, optional
         In place of `source` for wider lobes.
-    skin : VaryingSkin, optional
-        Where it is not the same everywhere.
+    weights : SkinWeights, optional
+        Of the Gaussians, where the skin is not the same everywhere.
     plan_for : GaussianSum, optional
         Of the same variances: what the first plan takes for the profile, which is then judged by `gaussians`.
     aside : Aside, optional
@@ -110,9 +110,8 @@ def diffuse(
     check_memory(atlas[0].shape, len(lights), len(atlas), lobes, spec.method, others, aside.on_disk)
     scaled, exponents = scaled_source(tiles)
     geometry = SkinGeometry(atlas, mesh, aside)
-    weights = skin.weights if skin else SkinWeights.of(gaussians, SkinMaps())
-    share = skin.share if skin else None
-    resources = LobeResources(scaled, geometry, spec, share, aside)
+    weights = weights or SkinWeights.of(gaussians, SkinMaps())
+    resources = LobeResources(scaled, geometry, spec, weights.scattering_share(atlas), aside)
 
     def as_scaled(other: Tiles) -> Tiles:
         return scaled_by(checked_source(other, lights, atlas), exponents)

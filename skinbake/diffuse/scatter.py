@@ -19,7 +19,7 @@ from skinbake.diffuse.light_entering import LightEntering, albedo_of, light_ente
 from skinbake.diffuse.memoize import Kind, Make, Values
 from skinbake.diffuse.memory import check_memory, disk_needed_bytes
 from skinbake.diffuse.notices import too_much
-from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
+from skinbake.diffuse.skin_weights import SkinWeights, uniform_scatter
 from skinbake.diffuse.small_blur import SmallBlur
 from skinbake.diffuse.terms.curvature import curve_skin
 from skinbake.diffuse.terms.diffuse_profile import HELD
@@ -95,7 +95,7 @@ def scatter(
     tell = say or (lambda text: None)
     tell("light that enters the skin")
     return_freed()  # tracing takes other arrays
-    gaussians = skin.gaussians
+    gaussians, weights = skin.gaussians, SkinWeights.of(skin.gaussians, scene.maps)
     entering = light_entering(spec, decisions, scene, atlas, irradiance, base or skin, aside, view)
     lights, before = irradiance[0].lights, (*decisions.of_look, *irradiance[0].decided)
     spent = left_wrong((*before, *entering.plan), lights, 0.0)
@@ -120,7 +120,7 @@ def scatter(
         progress=say,
         remember=known,
         beam=entering.beam,
-        skin=VaryingSkin.of(gaussians, scene.maps, atlas),
+        weights=weights,
         plan_for=base and base.gaussians,
         aside=aside._replace(lobe=IN_MEMORY.lobe) if bends else aside,
         everywhere=entering.everywhere,
@@ -159,7 +159,6 @@ def scatter(
             small = skin_light.view.atlas if skin_light else tuple(tile.raster for tile in thin.tiles)
             small_blur = SmallBlur(small, scene.mesh, gaussians, scene.maps, spec.diffusion, diffused.lobes, everywhere)
         enters = [even_rgb * albedo_of(scene.maps, tile.raster, scene.mesh) for tile in thin.tiles]
-        weights = SkinWeights.of(gaussians, scene.maps)
         even = small_blur.of_even_light() if small_blur and any(otherwise) else None
         straight, kept = part_even_light(diffused, thin, bends, enters, weights, times, even)
         hold_back(through, thin, kept)

@@ -117,6 +117,14 @@ class SkinWeights:
             return self.table.scatter_at({}).astype(np.float32).reshape(1, 1)
         return magnify_bilinear(np.asarray(image, np.float32)[..., None], shape)[..., 0]
 
+    def scattering_share(self, atlas: Atlas) -> Tiles | None:
+        """Share of the light that scatters at the texels of an atlas, (H, W) a tile; None where all of it does, or the
+        same share everywhere.
+        """
+        if self.table is None or not self.table.scatters:
+            return None
+        return {r.tile: np.broadcast_to(self.scatter_image(r.tile, r.shape), r.shape) for r in atlas}
+
     def _values_at(self, tile: NDArray[np.integer], place: Float) -> dict[str, Float]:
         """The table's quantities at places, (P,) each."""
         assert self.table is not None
@@ -166,42 +174,6 @@ class SkinWeights:
 
         for_slices(fill, height, max(_AT_ONCE // width, 1))
         return out
-
-
-@dataclass(frozen=True)
-class VaryingSkin:
-    """A skin that is not the same everywhere.
-
-    Attributes
-    ----------
-    weights : SkinWeights
-    share : Tiles, optional
-        Share of the light that scatters, (H, W) a tile; None where all of it does, or the same share everywhere.
-    """
-
-    weights: SkinWeights
-    share: Tiles | None = None
-
-    @classmethod
-    def of(cls, gaussians: GaussianSum, maps: SkinMaps, atlas: Atlas) -> VaryingSkin | None:
-        """What a look's maps make of its skin; None where they do not vary it.
-
-        Parameters
-        ----------
-        gaussians : GaussianSum
-        maps : SkinMaps
-        atlas : Atlas
-            At whose texels the share is read.
-        """
-        table = gaussians.table
-        if table is None:
-            return None
-        weights = SkinWeights.of(gaussians, maps)
-        share = {}
-        for raster in atlas if table.scatters else ():
-            scatter = weights.scatter_image(raster.tile, raster.shape)
-            share[raster.tile] = np.broadcast_to(scatter, raster.shape)
-        return cls(weights, share or None)
 
 
 def uniform_scatter(gaussians: GaussianSum, skin: SkinSpec) -> float:

@@ -20,7 +20,7 @@ from skinbake.diffuse.methods import IDENTITY, METHODS, DiffusionMethod, LobePar
 from skinbake.diffuse.planning.fixed import plan_lobe
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
-from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin
+from skinbake.diffuse.skin_weights import SkinWeights
 from skinbake.diffuse.terms.diffuse_profile import EverywhereLight
 from skinbake.profile import GaussianSum
 from skinbake.scene.maps import SkinMaps
@@ -58,8 +58,8 @@ class SmallBlur:
         like: Sequence[Lobe],
         everywhere: EverywhereLight | None = None,
     ) -> None:
-        skin = VaryingSkin.of(gaussians, maps, atlas)
-        self._share, self._weights = skin.share if skin else None, SkinWeights.of(gaussians, maps)
+        self._weights = SkinWeights.of(gaussians, maps)
+        self._share = self._weights.scattering_share(atlas)
         self._geometry = SkinGeometry(atlas, mesh)
         self._no_probes = draw_probes(self._geometry, 0, 0)
         self._spec = spec.model_copy(update={"tolerance": max(spec.tolerance, TOLERANCE)})

@@ -22,7 +22,7 @@ from skinbake.diffuse.planning.auto import plan_auto
 from skinbake.diffuse.planning.fixed import plan_fixed
 from skinbake.diffuse.resources import LobeResources
 from skinbake.diffuse.skin_geometry import SkinGeometry
-from skinbake.diffuse.skin_weights import SkinWeights, VaryingSkin, uniform_scatter
+from skinbake.diffuse.skin_weights import SkinWeights, uniform_scatter
 from skinbake.diffuse.small_blur import SmallBlur
 from skinbake.diffuse.terms.bounced_light import SkinLight, add_at_full_size, bounced_light, fitted
 from skinbake.diffuse.terms.curvature import curve_skin
@@ -93,8 +93,8 @@ class Scattering:
         gaussians = skin.gaussians
         self._albedo = [albedo_of(scene.maps, raster, scene.mesh) for raster in atlas]
         self._geometry = SkinGeometry(atlas, scene.mesh)
-        varying = VaryingSkin.of(gaussians, scene.maps, atlas)
-        self._weights, self._share = SkinWeights.of(gaussians, scene.maps), varying.share if varying else None
+        self._weights = SkinWeights.of(gaussians, scene.maps)
+        self._share = self._weights.scattering_share(atlas)
         self._no_probes = draw_probes(self._geometry, 0, 0)
         self._plans: tuple[LobePlan, ...] | None = None
         self.view: SkinView | None = None
