@@ -13,6 +13,7 @@ from skinbake.irradiance.oil_albedo import MeanPassing
 from skinbake.irradiance.refine import refine
 from skinbake.irradiance.settled_rays import FirstDirections, SettledRays
 from skinbake.irradiance.surface import TexelSurface
+from skinbake.kernels.threads import for_slices
 from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
@@ -56,10 +57,14 @@ def light_environment(
         first = FirstDirections(directions) if settled else None
 
         mean_passing = MeanPassing(table) if table.size else None
+        same = surface.roughness.size == surface.strength.size == surface.f0.size == 1
 
         def passing(texels: NDArray[np.int64] | slice) -> Float:
             assert mean_passing is not None
-            return mean_passing.of(roughness[texels], strength[texels], f0[texels])[:, None]
+            here = (surface.roughness, surface.strength, surface.f0) if same else (
+                roughness[texels], strength[texels], f0[texels],
+            )  # fmt: skip
+            return mean_passing.of(*here).reshape(-1, 1)
 
         def trace(texels: NDArray[np.int64], stride: int) -> Image:
             oil = (roughness[texels], strength[texels], table, f0[texels]) if table.size else None
@@ -76,10 +81,14 @@ def light_environment(
             return shares
 
         refine(addressed, surface.smooth_normal, 4, trace, plan.variation, coarsest, coarsest // CLOSE, out)
+
+        def add_passing(rows: slice) -> None:
+            width = out.shape[1]
+            share = passing(slice(rows.start * width, rows.stop * width)).reshape(-1, 1 if same else width, 1)
+            out[rows, :, :3] = np.maximum(out[rows, :, :3] + out[rows, :, 3:] * share, 0)
+
         if table.size:
-            for row, texels in enumerate(out):
-                at = slice(row * len(texels), (row + 1) * len(texels))
-                texels[:, :3] = np.maximum(texels[:, :3] + texels[:, 3:] * passing(at), 0)
+            for_slices(add_passing, len(out), ROWS)
     else:
         out[...] = addressed[..., None]
     for start in range(0, len(out), ROWS):  # in strips, rather than another image
