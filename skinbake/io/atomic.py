@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import re
 import resource
@@ -16,6 +17,7 @@ from tempfile import TemporaryDirectory
 from skinbake.errors import InputError, MachineError
 from skinbake.interrupt import remove_tree, undone_at_stop
 
+LONG = 200  # bytes of a name; no more than 255 are allowed, with what is added here and by libraries
 # ... the second part is what OpenImageIO's texture maker adds to the name that it was given
 _TEMPORARY = re.compile(r"\..+\.\d+\.part(\.\w+)?(\.[0-9a-f]{8}\.temp\.\w+)?")
 
@@ -34,7 +36,8 @@ def atomic_write(path: Path | str) -> Iterator[Path]:
         The folder cannot be written to.
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    stem = path.stem if len(os.fsencode(path.name)) <= LONG else hashlib.sha256(os.fsencode(path.name)).hexdigest()
+    temporary = path.with_name(f".{stem}.{os.getpid()}.part{path.suffix}")
     try:
         with explained(path), undone_at_stop(partial(os.unlink, temporary)):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -25,6 +25,17 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
     assert os.listdir(tmp_path) == ["a.json"]
 
 
+@pytest.mark.parametrize("name", ["a" * 251 + ".png", "\u00e9" * 125 + ".png"])
+def test_a_name_may_be_as_long_as_names_may_be(tmp_path, name):
+    """Its temporary one is no longer, and is known as such."""
+    with atomic_write(tmp_path / name) as temporary:
+        temporary.write_text("half")
+        assert temporary_files(tmp_path) == [temporary]
+        temporary.write_text("whole")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "whole"
+
+
 def test_folders_are_made(tmp_path):
     """A bake folder need not exist before."""
     write_text(tmp_path / "a" / "b" / "c.txt", "text")
