@@ -366,7 +366,7 @@ def quick_writing(monkeypatch):
             fits[key] = fit_skin(skin, table, over=over)
         return fits[key]
 
-    def slabs_once(gaussians, reflectance_rgb, medium=None):
+    def slabs_once(gaussians, reflectance_rgb, medium):
         arrays = gaussians.variance_mm2, gaussians.weight_rgb, reflectance_rgb
         key = *(array.tobytes() for array in arrays), gaussians.normalise, repr(medium)
         if key not in slabs:

@@ -109,7 +109,7 @@ def test_the_effective_medium_has_the_reflectance_and_the_width():
 def test_weights_are_positive_and_fall_beyond_two_free_paths():
     """No weight is negative; what comes through rises until it has scattered, and falls then."""
     profile, asked = gaussians(), np.array([0.6, 0.4, 0.3])
-    weights = slab_weights(profile, asked)
+    weights = slab_weights(profile, asked, SkinMedium())
     assert (weights.through_rgb >= 0).all()
     for channel, free_path in enumerate(effective_medium(profile, asked).free_path_mm):
         total = weights.through_rgb[:, channel]
@@ -156,7 +156,7 @@ def test_a_lit_slab_glows_with_its_transmittance(method):
     _, diffused = lit_below(mesh, profile, size, method=method)
     lobe, plan = transmit(diffused, ThinParts.of(translucent(mesh, profile, size)), ON)
     assert plan.enabled
-    weights = slab_weights(profile, np.full(3, 0.5))
+    weights = slab_weights(profile, np.full(3, 0.5), SkinMedium())
     expected = at(weights, 3.0)
     if method == "surface":
         carried = np.exp(-9 / (2 * WIDE))
@@ -298,4 +298,6 @@ def test_a_medium_that_is_known_is_the_slab_s():
         several = slab_weights(profile, reflectance, layers).through_rgb
         effective = fit_slabs(profile, effective_medium(profile, reflectance, eta), eta).through_rgb
         np.testing.assert_array_equal(several, effective)
-    np.testing.assert_array_equal(slab_weights(profile, reflectance).through_rgb, several)  # 1.4 where nobody says
+    np.testing.assert_array_equal(
+        slab_weights(profile, reflectance, SkinMedium()).through_rgb, several
+    )  # 1.4 where nobody says

@@ -48,7 +48,7 @@ class SlabWeights:
     plain_rgb: Float
 
 
-def slab_weights(gaussians: GaussianSum, reflectance_rgb: Float, medium: SkinMedium | None = None) -> SlabWeights:
+def slab_weights(gaussians: GaussianSum, reflectance_rgb: Float, medium: SkinMedium) -> SlabWeights:
     """Transmittance T(d) of slabs of the skin's medium, or of the effective one.
 
     Parameters
@@ -56,12 +56,12 @@ def slab_weights(gaussians: GaussianSum, reflectance_rgb: Float, medium: SkinMed
     gaussians : GaussianSum
     reflectance_rgb : ndarray of shape (3,)
         By which an effective medium is found.
-    medium : SkinMedium, optional
+    medium : SkinMedium
         The skin's: taken as it is where it fills the head, its index where it has several layers.
     """
-    layers = medium.layers if medium else ()
+    layers = medium.layers
     eta = layers[0].eta if layers else ETA
-    if medium and len(layers) == 1 and medium.to_rgb is None and np.isinf(layers[0].thickness_mm):
+    if len(layers) == 1 and medium.to_rgb is None and np.isinf(layers[0].thickness_mm):
         fills, g = layers[0].medium, layers[0].g
     else:
         fills, g = effective_medium(gaussians, reflectance_rgb, eta), 0.0
