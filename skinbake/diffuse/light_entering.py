@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, AtlasRaster, sample_map
 from skinbake.diffuse.add_bounces import add_bounces
 from skinbake.diffuse.aside import IN_MEMORY, Aside
-from skinbake.diffuse.skin_weights import SkinWeights
+from skinbake.diffuse.skin_weights import SkinWeights, scatter_of
 from skinbake.diffuse.terms.beam import BeamLight, ShiftedLights, decide_beams, free_path_of, has_beam, narrowest_mm2
 from skinbake.diffuse.terms.bounced_light import SkinLight
 from skinbake.diffuse.terms.curvature import CurvedSkin, curve_skin, formed_already
@@ -164,12 +164,18 @@ def light_entering(
     plan += [*lines, line]
     light, further = {}, {}
     turned = any(not of.everywhere or of.name in skies for of in spec.lights if of.name in slanted)
+    scatters = scatter_of(gaussians, spec.skin, scene.maps)
 
     def arrive(raster: AtlasRaster, normal: Image, tile: IrradianceMap, name: str, image: Image) -> None:
         np.copyto(image, tile.rgb[tile.lights.index(name)])
         if name in slanted:
             assert slant is not None
+            share = scatters(raster.tile, raster.shape)
+            straight = image * (1 - share[..., None]) if (share != 1).any() else None  # what was in no medium
             apply_slant(raster, normal, scene.occluder, spec.light(name), slant, skies.get(name), image)
+            if straight is not None:
+                image *= share[..., None]
+                image += straight
 
     upstream = ShiftedLights()
     places = [i if decisions.separate_lights else 0 for i in range(len(names))]

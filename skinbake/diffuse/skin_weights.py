@@ -176,6 +176,22 @@ class SkinWeights:
         return out
 
 
+ScatterOf = Callable[[int, tuple[int, int]], NDArray[np.float32]]  # of a tile and (H, W): (H, W), or (1, 1)
+
+
+def scatter_of(gaussians: GaussianSum, skin: SkinSpec, maps: SkinMaps) -> ScatterOf:
+    """What gives the share of the light that scatters, at every texel of a tile.
+
+    Parameters
+    ----------
+    gaussians : GaussianSum
+    skin : SkinSpec
+    maps : SkinMaps
+    """
+    weights, share = SkinWeights.of(gaussians, maps), np.float32(uniform_scatter(gaussians, skin))
+    return lambda tile, shape: share * weights.scatter_image(tile, shape)
+
+
 def uniform_scatter(gaussians: GaussianSum, skin: SkinSpec) -> float:
     """Share of the light that scatters everywhere; 1 where a map says it place by place."""
     return 1.0 if gaussians.table is not None and gaussians.table.scatters else skin.scatter

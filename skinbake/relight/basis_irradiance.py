@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import AtlasRaster
 from skinbake.atlas.sample import texels_around
+from skinbake.diffuse.skin_weights import ScatterOf
 from skinbake.irradiance.environment_share import NO_OIL
 from skinbake.irradiance.oil_albedo import OilLayer, albedo_at
 from skinbake.irradiance.scene_data import SceneData
@@ -38,11 +39,14 @@ class Passage:
         Of size 0 where the oil takes nothing off.
     slant : Slant, optional
         How much more of slanted light counts; None where the look leaves that out.
+    scatters : callable
+        Gives the share of the light that scatters and counts so, of a tile and (H, W): (H, W) or (1, 1).
     """
 
     specular: SpecularSpec
     oil_albedo: Float = field(default_factory=lambda: NO_OIL)
     slant: Slant | None = None
+    scatters: ScatterOf = field(default=lambda tile, shape: np.ones((1, 1), np.float32))
 
     @property
     def factor_rgb(self) -> Float:
@@ -96,10 +100,12 @@ class _Passage(NamedTuple):
     ----------
     oil : OilLayer
     factor_rgb : ndarray of shape (NODES, 3 or 1)
+    scatter : ndarray of shape (H, W) or (1, 1), float32
     """
 
     oil: OilLayer
     factor_rgb: Float
+    scatter: Image
 
 
 def basis_irradiance(
@@ -154,7 +160,11 @@ def basis_irradiance(
             sky.normal[raster.tile],
             _filled_up(sky.towards).T.copy(),
         ),
-        _Passage(OilLayer(surface.roughness, surface.strength, passage.oil_albedo, surface.f0), passage.factor_rgb),
+        _Passage(
+            OilLayer(surface.roughness, surface.strength, passage.oil_albedo, surface.f0),
+            passage.factor_rgb,
+            passage.scatters(raster.tile, raster.shape),
+        ),
         np.pad(_filled_up(light), ((0, 0), (0, -light.shape[1] % (2 * LANES)))),
         out,
     )
@@ -194,7 +204,7 @@ def _gather(first, stop, at, sky, passage, light, out):  # type: ignore[no-untyp
         nx, ny, nz = at.normal[row, col, 0], at.normal[row, col, 1], at.normal[row, col, 2]
         around = texels_around((col + 0.5) / width, 1.0 - (row + 0.5) / height, h, w)
         _read_share(sky, at.smooth_normal[row, col], around, seen)
-        if i == first or _varies(passage.oil):
+        if i == first or passage.scatter.size > 1 or _varies(passage.oil):
             _let_in(passage, row, col, lets)
         for d in range(count):
             cosines[d] = nx * sky.columns[0, d] + ny * sky.columns[1, d] + nz * sky.columns[2, d]
@@ -314,10 +324,11 @@ def _let_in(passage, row, col, lets):  # type: ignore[no-untyped-def]
     roughness = oil.roughness[row, col] if oil.roughness.size > 1 else oil.roughness[0, 0]
     strength = oil.strength[row, col] if oil.strength.size > 1 else oil.strength[0, 0]
     f0 = oil.f0[row, col] if oil.f0.size > 1 else oil.f0[0, 0]
+    scatter = passage.scatter[row, col] if passage.scatter.size > 1 else passage.scatter[0, 0]
     for j in range(NODES):
         enters = 1.0
         if oil.table.size > 0:
             cosine = (j / (NODES - 1)) ** 2
             enters = min(max(1.0 - strength * albedo_at(oil.table, cosine, np.float64(roughness), f0), 0.0), 1.0)
         for c in range(len(lets)):
-            lets[c, j] = enters * passage.factor_rgb[j, c]
+            lets[c, j] = enters * (1.0 + scatter * (passage.factor_rgb[j, c] - 1.0))

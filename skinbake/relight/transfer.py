@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import Atlas, Tiles, limited_size
 from skinbake.atlas.look_atlas import look_atlas
 from skinbake.diffuse.memory import memory_needed_bytes
+from skinbake.diffuse.skin_weights import scatter_of
 from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.errors import MachineError
 from skinbake.irradiance.environment_share import NO_OIL
@@ -117,8 +118,9 @@ def make_transfer(
     full = at_texture_size(spec, transfer_size(spec))
     slant, lines = _slant(spec, skin, decisions.budget.negligible)
     passage = Passage(
-        spec.specular, oil_table(spec.specular) if decisions.energy_conservation.enabled else NO_OIL, slant
-    )
+        spec.specular, oil_table(spec.specular) if decisions.energy_conservation.enabled else NO_OIL, slant,
+        scatter_of(skin.gaussians, spec.skin, scene.maps),
+    )  # fmt: skip
     say("relighting: tracing what is open to the sky")
     texels = scene.sky_texels(spec.texture)  # which the plans of the look's own skies ask
     if max(texels.size) > max(full.texture.size):

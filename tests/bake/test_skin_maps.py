@@ -172,6 +172,27 @@ def test_what_does_not_scatter_is_albedo_times_light_and_sends_none(plane):
     assert plane(lights=[spot]).radiant_exitance()[:, ~LEFT & ~np.roll(LEFT, 1)].max() > 0.01
 
 
+def test_what_does_not_scatter_knows_no_incidence(plane, monkeypatch):
+    """A slanted sun leaves where it arrives as albedo times light, baked and relit; where all scatters it counts so."""
+    monkeypatch.setattr(transfer, "unseen_lights", few_lights)
+    direction = (0.9, 0.1, -0.4)
+    sun = {"name": "sun", "type": "directional", "direction": direction, "irradiance": [2, 2, 2]}
+    terms = dict.fromkeys(OFF, "off") | {"incidence": "on"}
+    given = {"lights": [sun], "terms": terms, "relight": {"textures": 9, "basis": "harmonics", "fewer": False}}
+    bake, whole = plane({"scatter": "share.exr"}, **given), plane(**given)
+    plain = bake._pixels.albedo(1001) * bake.irradiance()
+    inside = LEFT & np.roll(LEFT, -1)
+    np.testing.assert_allclose(bake.radiant_exitance()[:, inside], plain[:, inside], rtol=1e-6)
+    assert abs(whole.radiant_exitance()[:, inside].mean() / plain[:, inside].mean() - 1) > 0.02
+    far = np.arange(WIDTH) > WIDTH // 2 + 12
+    np.testing.assert_allclose(bake.radiant_exitance()[:, far], whole.radiant_exitance()[:, far], rtol=0.02)
+    relit, of_none = (
+        each.relight(suns=[(direction, (2, 2, 2))])
+        for each in (bake, plane({"scatter": "share.exr"}, **given | {"terms": dict.fromkeys(OFF, "off")}))
+    )
+    np.testing.assert_allclose(relit[:, inside], of_none[:, inside], rtol=2e-3)
+
+
 def test_a_lobe_is_judged_where_it_counts(plane, monkeypatch):
     """Where nothing scatters a lobe is nothing of the light that leaves: neither said to be wrong, nor planned by."""
     made = []
