@@ -63,6 +63,19 @@ def test_a_limit_that_leaves_too_little_is_told(monkeypatch, option, limit):
         Occluder(mesh)
 
 
+def test_a_kernel_for_which_there_is_no_room_is_told():
+    """LLVM would end the process: exit code 134 and its own words."""
+
+    script = (
+        "import resource, numpy as np; from pathlib import Path; from skinbake.kernels.half import as_half; "
+        "values = np.zeros(7, np.float32); "
+        "used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize(); "
+        "resource.setrlimit(resource.RLIMIT_AS, (used + 40 * 2**20,) * 2); as_half(values)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert "MachineError: loading of kernels needs 48 MiB" in done.stderr
+
+
 def test_a_verb_says_what_its_libraries_need():
     """Rather than the traceback, or the hang, of one that finds no memory."""
     command = [sys.executable, "-m", "skinbake", "bake", "configs/head.yaml"]

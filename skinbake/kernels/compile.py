@@ -42,8 +42,10 @@ from numba.extending import is_jitted
 from skinbake.interrupt import undone_at_stop
 from skinbake.kernels.stored_code import runnable
 from skinbake.kernels.watch_compiling import tell_watchers
+from skinbake.machine import require_memory
 
 _KEPT_DAYS = 30
+_ROOM_BYTES = 48 * 2**20  # that loading or compiling a kernel finds free: without, LLVM ends the process
 _LOG = logging.getLogger(__name__)
 _LOADS_CONSTANT = frozenset(dis.hasconst)
 _SWITCHES = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK")  # of the environment: NUMBA_OPT ...
@@ -320,7 +322,14 @@ class _KernelCache(_Cache):
         """Nothing to do: an entry of changed code has another name."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The compiled kernel for these types of arguments, or None: a missing or damaged entry."""
+        """The compiled kernel for these types of arguments, or None: a missing or damaged entry.
+
+        Raises
+        ------
+        MachineError
+            A limit leaves no room for it, nor for its compilation.
+        """
+        require_memory(_ROOM_BYTES, "loading of kernels")
         if not self._enabled:
             return None
         name = self._entry(sig, target_context.codegen())
