@@ -70,7 +70,7 @@ def add_bounces(
     taken = receivers([bounced[i] for i in kept], [limits[i] for i in kept], atlas)
     view = view or look_around(skin, texture.gutter, taken.width_mm, taken.rays, taken.with_neighbours)
     seen = [fitted(colour, raster.shape) for colour, raster in zip(reflected, view.atlas, strict=True)]
-    bounces, at_once = {}, lights_at_once(view, atlas[0].shape)
+    bounces, wrong, at_once = dict[str, tuple[int, float]](), dict[str, float](), lights_at_once(view, atlas[0].shape)
     for some in (kept[k : k + at_once] for k in range(0, len(kept), at_once)):
         side_by_side = slice(some[0], some[-1] + 1) if some[-1] - some[0] == len(some) - 1 else some
         sent = [rgb[side_by_side] for rgb in light.values()]
@@ -78,12 +78,14 @@ def add_bounces(
         counts = np.stack([gain[names[i]] for i in some])
         found = bounced_light(view, sent, seen, most, enough, counts, colour=reflected)
         for k, i in enumerate(some):
-            bounces[names[i]] = times = int(found.bounces[k])
+            times, rms = int(found.bounces[k]), bounced[i].rms
+            of_rays = taken.error(bounced[i], found.noise[k] * rms)
+            bounces[names[i]], wrong[names[i]] = (most[k], enough[k]), min(of_rays / max(rms, 1e-30), 1.0)
             lines[i] = replace(
                 lines[i],
-                error=hypot(taken.error(bounced[i], found.noise[k] * bounced[i].rms), found.left[k] * bounced[i].rms),
+                error=hypot(of_rays, found.left[k] * rms),
                 how="1 bounce" if times == 1 else f"{times} bounces",
             )
             for raster, small in zip(atlas, found.tiles, strict=True):
                 add_at_full_size(gain[names[i]] * small[k], raster, light[raster.tile][i])
-    return lines, SkinLight(view, seen, {name: gain[name] for name in bounces}, bounces)
+    return lines, SkinLight(view, seen, {name: gain[name] for name in bounces}, bounces, wrong)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from math import sqrt
+from math import hypot, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from skinbake.diffuse.terms.transmission import (
     transmit,
     transmitted_lobe,
 )
-from skinbake.diffuse.thin_light import SmallLight, sent_on
+from skinbake.diffuse.thin_light import SentOn, SmallLight, sent_again, sent_on
 from skinbake.irradiance.irradiance_map import IrradianceMap
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.machine import free_disk_bytes, return_freed
@@ -138,7 +138,8 @@ def scatter(
     )  # fmt: skip
     times = entering.everywhere and entering.everywhere.times(entering.rgb)
     switch = TransmissionSwitch(spec.terms.transmission, spec.diffusion.tolerance, limit)
-    pass_through = partial(transmit, diffused, lights=through_by, rest=aside.rest, times=times)
+    again = skin_light and partial(sent_again, skin_light, diffused.lights)
+    pass_through = partial(transmit, diffused, lights=through_by, rest=aside.rest, times=times, again=again)
     found = Decision("transmission", True, "found to be worth it") if thin else None
     line = found or plainly_dark(through_skin, switch, pass_through)
     if line is None:
@@ -166,10 +167,11 @@ def scatter(
     return_freed()
     lobes = bends.applied(diffused.lobes, straight, aside.lobe) if bends else diffused.lobes
     if through is not None and arrived is not None and skin_light is not None and small_blur is not None:
-        through = sent_on(
+        sent = sent_on(
             through, lobes, arrived, diffused.lights, skin_light, small_blur, spec, scene, gaussians, aside.rest,
             curved=bends, otherwise=otherwise,
         )  # fmt: skip
+        through, plan = sent.lobe, tuple(_with_sent_on(line, sent) for line in plan)
     through = through and aside.lobe(through)
     if gaussians.table is not None:
         plan = (table_decision(gaussians, gaussians.table, spec.skin), *plan)
@@ -188,6 +190,15 @@ def scatter(
 def _by_digest(remember: Remember, digests: Mapping[str, str], kind: Kind, names: tuple[str, ...], make: Make) -> Any:
     """What is known of the lights that these names stand for."""
     return remember(kind, {name: digests[name] for name in names}, make)
+
+
+def _with_sent_on(line: Decision, sent: SentOn) -> Decision:
+    """The plan's line with what skin sends on of light that came through the flesh, where it is about that."""
+    name, _, term = line.term.rpartition(".")
+    if term != "interreflection" or name not in sent.more:
+        return line
+    why = f"{line.why}; {sent.more[name]:.2%} more of light that came through the flesh"
+    return replace(line, why=why, error=hypot(line.error, sent.error[name]))
 
 
 def _curved_as(

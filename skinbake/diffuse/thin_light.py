@@ -29,7 +29,7 @@ from skinbake.diffuse.terms.thin_parts import ThinParts
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import on_threads, parallel_for
-from skinbake.numerics import safe_div
+from skinbake.numerics import Float, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.scene.mesh import SkinMesh
 from skinbake.scene.spec import SceneSpec
@@ -60,6 +60,22 @@ class SmallLight(NamedTuple):
         return cls(atlas, tuple(_at_middles(rgb[raster.tile], raster.shape) for raster in atlas))
 
 
+class SentOn(NamedTuple):
+    """Transmitted light with what other skin gets of it.
+
+    Attributes
+    ----------
+    lobe : Lobe
+    more, error : dict of str to float
+        By light that has interreflection, rms of what skin got by that and of what is wrong of it, as shares of the
+        light's.
+    """
+
+    lobe: Lobe
+    more: dict[str, float]
+    error: dict[str, float]
+
+
 def sent_on(
     through: Lobe,
     lobes: tuple[Lobe, ...],
@@ -74,7 +90,7 @@ def sent_on(
     left: Mapping[int, Image] | None = None,
     curved: CurvedSkin | None = None,
     otherwise: Sequence[bool] = (),
-) -> Lobe:
+) -> SentOn:
     """Transmitted light with what other skin gets of it. Takes the pixels out of `through`.
 
     Parameters
@@ -117,7 +133,7 @@ def sent_on(
     shown = [fitted(colour, shape) ** (1 - before) for colour, shape in zip(albedo, sources, strict=True)]
     enters = [colour**before for colour in albedo]
     lit = [i for i, name in enumerate(names) if name in skin_light.gain]
-    at_once = lights_at_once(skin_light.view, max(sources))
+    at_once, more, error = lights_at_once(skin_light.view, max(sources)), dict[str, float](), dict[str, float]()
     for some in (lit[k : k + at_once] for k in range(0, len(lit), at_once)):
         sent, square, area = [], np.zeros(len(some)), 0.0
         for place, (raster, shape, light) in enumerate(zip(atlas, sources, entered.tiles, strict=True)):
@@ -126,8 +142,11 @@ def sent_on(
             sent.append(np.empty((len(some), *shape, 3), np.float32))
             on_threads(partial(_send, sends, some, sent[-1], square), len(some))
             area += 3 * float(of.sum())
-        least = LEFT_OUT * spec.diffusion.tolerance * np.sqrt(square / max(area, 1e-30))
-        arrives = skin_light.lit_by([names[i] for i in some], sent)
+        left_out = LEFT_OUT * spec.diffusion.tolerance
+        least = left_out * np.sqrt(square / max(area, 1e-30))
+        arrives, rms, wrong = skin_light.lit_by([names[i] for i in some], sent)
+        for i, got, of_it in zip(some, safe_div(rms, np.sqrt(square)), safe_div(wrong, np.sqrt(square)), strict=True):
+            more[names[i]], error[names[i]] = float(got), float(np.hypot(of_it, min(left_out, got)))
         lit_again = _blurred(
             arrives, blur, curved, skin_light.view.atlas, weights, [otherwise[i] for i in some if otherwise]
         )
@@ -135,7 +154,28 @@ def sent_on(
             of_skin = raster.face_index, colour, share.astype(np.float32, copy=False)
             for k, i in enumerate(some):
                 parallel_for(_add, raster.shape[0], small[k], np.float32(least[k]), of_skin, tiles[raster.tile][i])
-    return replace(through, rgb=tiles)
+    return SentOn(replace(through, rgb=tiles), more, error)
+
+
+def sent_again(skin_light: SkinLight, names: Sequence[str], through: Lobe) -> Float:
+    """Rms over the skin of what it sends on of transmitted light alone, (L,); 0 of lights without interreflection.
+
+    Parameters
+    ----------
+    skin_light : SkinLight
+    names : sequence of L str
+        Of the lights.
+    through : Lobe
+        (L, h, w, 3) a tile.
+    """
+    rms, atlas = np.zeros(len(names)), skin_light.view.atlas
+    lit = [i for i, name in enumerate(names) if name in skin_light.gain]
+    images = [through.rgb[raster.tile] for raster in atlas]
+    at_once = lights_at_once(skin_light.view, max(image.shape[1:3] for image in images))
+    for some in (lit[k : k + at_once] for k in range(0, len(lit), at_once)):
+        rms[some] = skin_light.lit_by([names[i] for i in some], [image[some] for image in images])[1]
+    found: Float = rms / np.sqrt(sum(float(raster.area_mm2.sum()) for raster in atlas))
+    return found
 
 
 def _blurred(

@@ -245,7 +245,7 @@ class Scattering:
         if self.thin is None or self.view is None or self._bounces is None:
             return through
         seen = [fitted(colour, r.shape) for colour, r in zip(self._reflected, self.view.atlas, strict=True)]
-        gain, bounces = dict.fromkeys(names, self._again), dict.fromkeys(names, self._bounces)
+        gain, bounces = dict.fromkeys(names, self._again), dict.fromkeys(names, (self._bounces, 0.0))
         skin_light = SkinLight(self.view, seen, gain, bounces)
         entered = SmallLight.of(light, self.thin)
         spec, scene, gaussians = self._spec, self._scene, self._skin.gaussians
@@ -255,7 +255,7 @@ class Scattering:
         return sent_on(
             through, lobes, entered, names, skin_light, self._small_blur, spec, scene, gaussians, left=left,
             curved=self._curved,
-        )  # fmt: skip
+        ).lobe  # fmt: skip
 
 
 def summed_lobes(lobes: tuple[Lobe, ...], weights: SkinWeights, tile: int, shape: tuple[int, int]) -> Image:

@@ -20,6 +20,7 @@ AUTO = "auto"  # the cheapest diffusion method for each lobe, as measured
 # Key of the validation context: a function that gives, by name, whether a method knows sums that are not normalised
 DIFFUSION_METHODS = "diffusion_methods"
 MOST_BOUNCES = 16
+AUTO_BOUNCES = 64  # most that `auto` goes on for: in a nostril of skin that hardly absorbs, each keeps 0.9 of the last
 LARGEST_SIZE = 32768
 Size = Annotated[int, Field(ge=1, le=LARGEST_SIZE)]
 
@@ -190,7 +191,7 @@ class TermsSpec(Strict):
         """
         if self.bounces == "auto":
             # A tenth: once rays are traced, another bounce costs little; but no chase after a thousandth of the first
-            return MOST_BOUNCES, max(0.1 * limit / max(first, 1e-12), 1e-3)
+            return AUTO_BOUNCES, max(0.1 * limit / max(first, 1e-12), 1e-3)
         return self.bounces, 0.0
 
 

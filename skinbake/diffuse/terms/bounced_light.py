@@ -16,6 +16,7 @@ from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.simd import LANES, broadcast, load, store
 from skinbake.kernels.threads import parallel_for
+from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
 Index = NDArray[np.int64]
@@ -38,12 +39,15 @@ class BouncedLight(NamedTuple):
     noise : ndarray of shape (L,)
         Standard error that the rays leave, as a share of the first bounce's rms, as it leaves again: by how much the
         two halves of the rays differ.
+    first : ndarray of shape (L,)
+        Root of the sum of squares of the first bounce, as it leaves again, times area, mm.
     """
 
     tiles: list[Image]
     bounces: Index
     left: NDArray[np.float64]
     noise: NDArray[np.float64]
+    first: NDArray[np.float64]
 
 
 def bounced_light(
@@ -130,7 +134,7 @@ def bounced_light(
     for k, tile in enumerate(tiles):
         mine = np.flatnonzero(view.tile == k)
         parallel_for(_spread, lights, out, mine, view.flat_index[mine], tile.reshape(lights, -1, 3))
-    return BouncedLight(tiles, done, left, noise)
+    return BouncedLight(tiles, done, left, noise, here)
 
 
 def lights_at_once(view: SkinView, shape: tuple[int, int]) -> int:
@@ -210,17 +214,20 @@ class SkinLight(NamedTuple):
         What of irradiance leaves as M, at the small texels, a tile in the atlas's order.
     gain : mapping of str to ndarray of shape (3,)
         By light, what of light from skin counts where it enters.
-    bounces : mapping of str to int
-        By light, how often it goes from skin to skin.
+    bounces : mapping of str to (int, float)
+        By light, at most how often it goes from skin to skin, and which share of the first time may be left out.
+    wrong : mapping of str to float, optional
+        By light, share of what skin sends on that texels and rays leave wrong; without it nothing is measured.
     """
 
     view: SkinView
     reflected: list[Image]
     gain: Mapping[str, Image]
-    bounces: Mapping[str, int]
+    bounces: Mapping[str, tuple[int, float]]
+    wrong: Mapping[str, float] | None = None
 
-    def lit_by(self, names: Sequence[str], sent: Sequence[Image]) -> list[Image]:
-        """Irradiance that counts of what skin sends on, (L, h, w, 3) a tile.
+    def lit_by(self, names: Sequence[str], sent: Sequence[Image]) -> tuple[list[Image], Float, Float]:
+        """What counts of what skin sends on.
 
         Parameters
         ----------
@@ -228,11 +235,28 @@ class SkinLight(NamedTuple):
             Of the lights.
         sent : sequence of ndarray of shape (L, H, W, 3)
             M by tile, at any size.
+
+        Returns
+        -------
+        tiles : list of ndarray of shape (L, h, w, 3)
+            Irradiance.
+        rms, error : ndarrays of shape (L,)
+            Root of the sum of its squares, as it leaves again, times area, mm; and of what is wrong of it, 0 where
+            nothing is measured.
         """
         gain = np.stack([self.gain[name] for name in names])
-        bounces = [self.bounces[name] for name in names]
-        found = bounced_light(self.view, sent, self.reflected, bounces, gain_rgb=gain, measured=False)
-        return [(gain[:, None, None] * tile).astype(np.float32, copy=False) for tile in found.tiles]
+        most, enough = zip(*(self.bounces[name] for name in names), strict=True)
+        measured = self.wrong is not None
+        found = bounced_light(self.view, sent, self.reflected, most, enough, gain, measured)
+        tiles = [(gain[:, None, None] * tile).astype(np.float32, copy=False) for tile in found.tiles]
+        if self.wrong is None:
+            return tiles, np.zeros(len(names)), np.zeros(len(names))
+        square = np.zeros(len(names))
+        for tile, colour, raster in zip(tiles, self.reflected, self.view.atlas, strict=True):
+            square += [(raster.area_mm2[..., None] * (image * colour) ** 2).sum(dtype=np.float64) for image in tile]
+        rms = np.sqrt(square)
+        wrong = np.maximum([self.wrong[name] for name in names], found.noise)
+        return tiles, rms, np.hypot(wrong * rms, found.left * found.first)
 
 
 def _rms(values: Image, weight: Image, lights: int) -> NDArray[np.float64]:

@@ -104,6 +104,7 @@ def transmit(
     rest: Callable[[], None] = lambda: None,
     times: Float | None = None,
     margin: float = 1.0,
+    again: Callable[[Lobe], Float] | None = None,
 ) -> tuple[Lobe | None, Decision]:
     """Transmitted light as one more lobe, and the plan's line on it.
 
@@ -116,13 +117,16 @@ def transmit(
         Of the same skin on the same texture.
     switch : TransmissionSwitch
     lights : mapping of str to TransmittedLight, optional
-        By the names in `diffused`; of others light comes from everywhere and counts by its incidence.
+        By the names in `diffused`; of others light comes from everywhere and counts by its incidence. Each of these may
+        be the only one that shines; without them all are one.
     rest : callable, optional
         Frees the memory of each lobe that was read.
     times : ndarray of shape (L, N, 3), optional
         How many times each lobe has the light that came in, of each light, as `EverywhereLight.times`.
     margin : float
         Of what may be left out: `auto` leaves out no more than this share of it.
+    again : callable, optional
+        Rms of what skin sends on to skin of a lobe, by light; asked where the lobe alone would be left out.
 
     References
     ----------
@@ -131,12 +135,18 @@ def transmit(
     lobe = transmitted_lobe(diffused, thin, lights, rest, times)
     through, reflected = [], []
     for raster, rows, cols, _ in thin.tiles:
-        through.append((lobe.rgb[raster.tile][:, rows, cols].sum(axis=(0, 2)), raster.area_mm2[rows, cols]))
+        through.append((lobe.rgb[raster.tile][:, rows, cols], raster.area_mm2[rows, cols]))
         reflected.append(_reflected(diffused, thin, raster, rest))
     skin_mm2 = sum(float(each.raster.area_mm2.sum()) for each in thin.tiles)
-    rms, peak = contribution(through, reflected, skin_mm2)
-    shows, limit = WORTH * switch.tolerance, switch.limit
+    if lights is None:
+        through, reflected = ([(light.sum(axis=0)[None], area) for light, area in of] for of in (through, reflected))
+    by_light, peak, of_light = contribution(through, reflected, skin_mm2)
+    shows, limit, rms = WORTH * switch.tolerance, switch.limit, float(by_light.max())
     kept = switch.terms == "on" or peak > margin * shows or rms > margin * limit
+    if not kept and again is not None and by_light.any():
+        # Where it gathers, as in a nostril, skin may be lit by it more than by what came through there
+        rms = float(np.hypot(by_light, again(lobe) / of_light).max())
+        kept = rms > margin * limit
     found = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
     why = f"{switch.terms}: through thin parts {found}, worth it from {shows:.1%} (rms {limit:.2%})"
     return lobe if kept else None, Decision("transmission", kept, why, 0.0 if kept else rms)
@@ -372,7 +382,7 @@ def _add_bilinear(first, stop, texels, share, pick, of, out):  # type: ignore[no
 def _reflected(
     diffused: DiffuseMap, thin: ThinParts, raster: AtlasRaster, rest: Callable[[], None]
 ) -> tuple[Image, Image]:
-    """Light reflected at a sample of texels, all lights and channels, and the areas they stand for."""
+    """Light reflected at a sample of texels, (L, m, 3), and the areas they stand for."""
     step = max(1, min(raster.shape) // SAMPLED)
     rows, cols = (step * index for index in np.nonzero(raster.covered[::step, ::step]))
     uv = interpolate(raster, thin.skin.mesh.corner_uv)[rows, cols].astype(np.float64)
@@ -384,4 +394,4 @@ def _reflected(
         return _OfLobe(np.repeat(weight[None, number], len(rows), axis=0), [none] * lights, [ones] * lights)
 
     light = _gather(diffused, thin.skin, raster.face_index[rows, cols].astype(np.int64), uv, of_lobe, rest)
-    return light.sum(axis=(0, 2)), raster.area_mm2[rows, cols]
+    return light, raster.area_mm2[rows, cols]
