@@ -204,3 +204,15 @@ def test_texels_by_area_stand_for_as_much_each(shape):
     np.testing.assert_array_equal(flat, np.searchsorted(reached, (np.arange(500) + 0.5) / 500 * reached[-1]))
     assert (area.ravel()[flat] > 0).all()
     assert texels_by_area(np.zeros(shape, np.float32), 5)[0] == 0
+
+
+def test_skin_that_the_whole_sky_sees_does_not_light_itself():
+    """Rays start on the smooth surface, as those to lights do: of a facet whose normals lean a fortieth met itself."""
+    flat = quad(40.0, 40.0, columns=4, rows=4)
+    across = (flat.corner_position_mm - flat.positions_mm.mean(axis=0)) / 40.0
+    lean = across * [1, 0, 0] + [0, 0, 1]
+    leaning = lean / np.linalg.norm(lean, axis=-1, keepdims=True)
+    mesh = SkinMesh(flat.positions_mm, flat.faces, flat.corner_uv, leaning)
+    view = look_around(TexturedSkin(mesh, Occluder(mesh), SIZE), 4, 0.4, 256)
+    assert len(view.tile) > 1000
+    assert len(view.seen) < 0.005 * view.rays.sum()  # steep ones, below the facets' plane

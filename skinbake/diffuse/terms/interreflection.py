@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from skinbake.atlas import Atlas
 from skinbake.diffuse.terms.ray_counts import NOISE_FALL
-from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin, skin_points
+from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin
 from skinbake.diffuse.terms.skin_view import RAYS, RECEIVER_MM, RayStarts, trace_cosine
+from skinbake.irradiance.surface import places_of_texels
 from skinbake.scene.decision import Decision
 
 Image = NDArray[np.float32]
@@ -161,7 +162,7 @@ def decide_interreflection(
         if area_mm2 <= 0:
             continue
         rows, cols = np.divmod(flat, width)
-        point, normal = skin_points(raster, skin.mesh, skin.occluder, rows, cols)
+        point, normal = places_of_texels(raster, flat, skin.mesh, skin.occluder)
         zero = np.zeros_like(flat)
         # Two halves that know nothing of each other: the second one's rays are turned otherwise
         halves = [

@@ -20,7 +20,8 @@ from skinbake.diffuse.terms.neighbours import (
     reach_of_rays,
 )
 from skinbake.diffuse.terms.ray_counts import ray_counts
-from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin, skin_points
+from skinbake.diffuse.terms.skin_hits import NOTHING, TexturedSkin
+from skinbake.irradiance.surface import places_of_texels
 from skinbake.kernels.compile import kernel
 from skinbake.kernels.threads import parallel_for
 
@@ -167,7 +168,7 @@ def look_around(
     for raster in atlas:
         rows, cols = np.nonzero(raster.addressed)
         flats.append(rows * raster.shape[1] + cols)
-        points.append(skin_points(raster, mesh, occluder, rows, cols))
+        points.append(places_of_texels(raster, flats[-1], mesh, occluder))
         seen_shares.append(_seen_about(full, raster, points[-1], flats[-1]))
         if with_neighbours:
             weights.append(neighbour_weights(across, raster, *points[-1], flats[-1]))
