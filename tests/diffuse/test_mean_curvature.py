@@ -39,3 +39,11 @@ def test_a_plate_has_none_and_bumps_below_the_smoothing_have_little():
     sharp, smooth = (np.abs(mean_curvature(wavy, [s])[inside]).max() for s in (0.2, 4.0))
     assert sharp > 0.15  # half of .05 pi^2 and less
     assert smooth < 0.01
+
+
+def test_triangles_of_very_unequal_sizes_are_smoothed_as_far():
+    """A ball of rings that are narrow about its poles: the same curvature as between its even ones."""
+    mesh = sphere(20.0, "latlong", 192)
+    found = 20 * mean_curvature(mesh, [4.0])[:, 0]
+    around = np.abs(mesh.positions_mm[:, 1]) < 19
+    np.testing.assert_allclose(found[around], 1 / (1 + 16 / 400), rtol=0.1)

@@ -20,8 +20,8 @@ from skinbake.scene.mesh import SkinMesh
 
 SIDE = 0.6  # of the longest diffusion length: longer sides are cut
 MOST_CUTS = 16  # of a side
-RECEIVERS = 150_000  # where more elements differ from a plane, some have the value of their group
-FLAT = 0.05  # part of the rate by which an element differs from a plane, at most, to stand for its group
+RECEIVERS = 300_000  # where more elements are about uneven skin, some have the value of their group
+EVEN_SKIN = 0.1  # parts of the rate by which groups of elements that meet may differ and stand for all in them
 
 
 def decay_below(mesh: SkinMesh, kappa_per_mm: Float) -> Float:
@@ -39,21 +39,21 @@ def decay_below(mesh: SkinMesh, kappa_per_mm: Float) -> Float:
     elements = Elements(elements.corner[order], elements.bend[order], elements.face[order])
     groups = _groups(elements.corner)
     mine = np.flatnonzero(elements.face >= 0)
-    # One element in `FAN`, and all where its value differs from a plane's; of larger meshes not each
+    # One element in `FAN`, and all about vertices at which these differ: an edge is where one alone may miss it
     few = mine[FAN // 2 :: FAN] if len(mine) > FAN // 2 else mine[:1]
     coarse = np.empty((len(few), len(kappa)))
     parallel_for(decay_at, len(few), few, elements, groups, kappa, coarse)
     group = np.minimum(np.arange(len(mine)) // FAN, len(few) - 1)
-    each = coarse[group]
-    differs = np.abs(coarse / kappa - 1).max(axis=1) > FLAT
-    fine = np.flatnonzero(differs[group])
+    corners = mesh.faces[elements.face[mine]].astype(np.int64)
+    uneven = _differs(coarse / kappa, group, corners, len(mesh.positions_mm))
+    fine = np.flatnonzero(uneven[group])
     fine = fine[:: -(-len(fine) // RECEIVERS) or 1]
     found = np.empty((len(fine), len(kappa)))
     parallel_for(decay_at, len(fine), mine[fine], elements, groups, kappa, found)
+    each = coarse[group]
     each[fine] = found
 
     area, count = groups.area[mine], len(mesh.positions_mm)
-    corners = mesh.faces[elements.face[mine]].astype(np.int64)
     total, weight = np.zeros((count, len(kappa))), np.zeros(count)
     for k in range(3):
         weight += np.bincount(corners[:, k], area, count)
@@ -61,6 +61,31 @@ def decay_below(mesh: SkinMesh, kappa_per_mm: Float) -> Float:
             total[:, c] += np.bincount(corners[:, k], area * each[:, c], count)
     rate: Float = np.where(weight[:, None] > 0, safe_div(total, weight[:, None]), kappa)
     return rate
+
+
+def _differs(value: Float, group: NDArray[np.int64], corners: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
+    """Which groups have a vertex about which the groups' values differ by more than `EVEN_SKIN`, (G,).
+
+    Parameters
+    ----------
+    value : ndarray of shape (G, C)
+    group : ndarray of shape (n,)
+        Of each element.
+    corners : ndarray of shape (n, 3)
+        Its vertices.
+    vertices : int
+        How many there are.
+    """
+    apart = np.zeros(vertices)
+    for of in value.T:
+        high, low = np.full(vertices, -np.inf), np.full(vertices, np.inf)
+        for k in range(3):
+            np.maximum.at(high, corners[:, k], of[group])
+            np.minimum.at(low, corners[:, k], of[group])
+        np.maximum(apart, high - low, out=apart)
+    found = np.zeros(len(value), bool)
+    found[group[(apart > EVEN_SKIN)[corners].any(axis=1)]] = True
+    return found
 
 
 def _elements(mesh: SkinMesh, side_mm: float, beyond_mm: float) -> Elements:

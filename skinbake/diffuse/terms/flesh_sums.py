@@ -27,9 +27,9 @@ from skinbake.numerics import Float
 
 REACH = 5.0  # diffusion lengths that are looked
 FAN = 8  # elements, or groups of them, of a group
-OPENING = 0.7  # radius of a group over its distance, at most, to be one source
+OPENING = 0.5  # radius of a group over its distance, at most, to be one source
 FADED = 3.0  # diffusion lengths up to which elements are cut so that the kernel is even on them
-NEAR, MOST_PARTS = 1.0, 6  # sides over distance: a near element is cut into (NEAR times that)^2 parts
+NEAR, MOST_PARTS = 1.5, 8  # sides over distance: a near element is cut into (NEAR times that)^2 parts
 EVEN = 1e-5  # slope below which all about is in one plane
 TINY = 1e-12
 WAITING = 512  # sources that are summed together, at most
