@@ -29,7 +29,7 @@ from skinbake.diffuse.terms.thin_parts import ThinParts, TranslucentSkin
 from skinbake.diffuse.terms.transmission import (
     TransmissionSwitch,
     TransmittedLight,
-    plainly_dark,
+    look_behind,
     transmit,
     transmitted_lobe,
 )
@@ -140,19 +140,17 @@ def scatter(
     switch = TransmissionSwitch(spec.terms.transmission, spec.diffusion.tolerance, limit)
     again = skin_light and partial(sent_again, skin_light, diffused.lights)
     pass_through = partial(transmit, diffused, lights=through_by, rest=aside.rest, times=times, again=again)
-    found = Decision("transmission", True, "found to be worth it") if thin else None
-    line = found or plainly_dark(through_skin, switch, pass_through)
-    if line is None:
-        thin = ThinParts.of(through_skin)
+    known_thin, line = thin is not None, Decision("transmission", True, "found to be worth it")
+    if thin is None:
+        thin, line = look_behind(through_skin, switch, pass_through)
     arrived = SmallLight.of(entering.rgb, thin) if thin and skin_light else None
     even_rgb, everywhere = entering.even_rgb, entering.everywhere and entering.everywhere._replace(rgb={})
     del entering
     through = None
-    if line is None:
-        assert thin is not None
-        through, line = pass_through(thin=thin, switch=switch)
-    elif thin is not None:
+    if thin is not None and known_thin:
         through = transmitted_lobe(diffused, thin, through_by, aside.rest, times)
+    elif thin is not None:
+        through, line = pass_through(thin=thin, switch=switch)
     straight, small_blur = None, None
     otherwise = [False] * len(diffused.lights) if times is None else [bool((each != 1).any()) for each in times]
     if through is not None and thin is not None:

@@ -69,7 +69,7 @@ class FleshLight:
         begins = dict(zip(shapes, np.cumsum([0, *(h * w for h, w in shapes.values())]), strict=False))
         mesh, self._scatter = thin.skin.mesh, thin.skin.scatter
         of_face = tile_of_face(mesh, thin.skin.texture.udim)
-        ray_share = rays_inwards()[1].astype(np.float32)
+        ray_share = rays_inwards(thin.around)[1].astype(np.float32)
         among = np.zeros(sum(h * w for h, w in shapes.values()), np.bool_)
         found = []
         for number, (raster, rows, cols, far) in enumerate(thin.tiles):

@@ -31,7 +31,7 @@ from skinbake.diffuse.terms.interreflection import Receivers, decide_interreflec
 from skinbake.diffuse.terms.skin_hits import TexturedSkin
 from skinbake.diffuse.terms.skin_view import SkinView
 from skinbake.diffuse.terms.thin_parts import ThinParts, TranslucentSkin
-from skinbake.diffuse.terms.transmission import TransmissionSwitch, plainly_dark, transmit
+from skinbake.diffuse.terms.transmission import TransmissionSwitch, look_behind, transmit
 from skinbake.diffuse.thin_light import SmallLight, sent_on
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.irradiance.slant import Slant
@@ -220,9 +220,9 @@ class Scattering:
             # What shows beside what the textures leave wrong
             tolerance = max(spec.diffusion.tolerance, spec.relight.tolerance)
             switch = TransmissionSwitch(spec.terms.transmission, tolerance, self._terms_left())
-            line, thin, lobe = plainly_dark(skin, switch, partial(transmit, diffused)), None, None
-            if line is None:
-                thin = ThinParts.of(skin)
+            thin, line = look_behind(skin, switch, partial(transmit, diffused))
+            lobe = None
+            if thin is not None:
                 lobe, line = transmit(diffused, thin, switch)
             self.lines.append(Decision("relight.transmission", line.enabled, line.why, line.error))
             self.thin = thin if lobe else None

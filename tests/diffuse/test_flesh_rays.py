@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skinbake.diffuse.terms.flesh_rays import gathered, rays_inwards, through_along
+from skinbake.diffuse.terms.flesh_rays import AROUND, gathered, rays_inwards, through_along
 from skinbake.diffuse.terms.slab_weights import SlabWeights, fit_slabs
 from skinbake.profile import GaussianSum
 from skinbake.profile.medium import Medium
@@ -18,7 +18,7 @@ def brought(slabs: SlabWeights, distance_mm: float, lean: float):
     length = distance_mm / np.maximum(towards, 1e-9)
     table, logarithm = through_along(slabs.thickness_mm, slabs.through_rgb), np.log(slabs.thickness_mm)
     each = np.stack([np.interp(np.log(length), logarithm, table[:, c], right=0) for c in range(3)], axis=1)
-    return gathered(np.where(towards[:, None] > 0, each, 0))[0]
+    return gathered(np.where(towards[:, None] > 0, each, 0), AROUND[0])[0]
 
 
 @pytest.mark.parametrize("eta", [1.0, 1.4])

@@ -23,15 +23,15 @@ SUN = {"name": "sun", "type": "directional", "direction": [0.3, 0, 1], "irradian
 
 @pytest.mark.parametrize(
     ("thickness_mm", "switch", "looks"),
-    [(39.0, "auto", [FEW_MM]), (2.0, "auto", [FEW_MM, TEXEL_MM]), (39.0, "on", [TEXEL_MM]), (2.0, "off", [])],
+    [(39.0, "auto", [FEW_MM]), (2.0, "auto", [FEW_MM, TEXEL_MM]), (39.0, "on", [FEW_MM, TEXEL_MM]), (2.0, "off", [])],
 )
 def test_thin_parts_are_looked_for_in_full_only_where_a_few_texels_find_some(monkeypatch, thickness_mm, switch, looks):
     """A slab lit from below: thick and dark, it is looked through at a few texels; thin, at all of them, too."""
     asked, whole = [], ThinParts.of
 
-    def of(skin, texel_mm=TEXEL_MM):
+    def of(skin, texel_mm=TEXEL_MM, **rays):
         asked.append(texel_mm)
-        return whole(skin, texel_mm)
+        return whole(skin, texel_mm, **rays)
 
     monkeypatch.setattr(ThinParts, "of", of)
     mesh, size = slab_mesh(thickness_mm), (66, 30)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ import pytest
 from skinbake.atlas import interpolate, rasterize
 from skinbake.diffuse.diffuse_map import DiffuseMap, Lobe
 from skinbake.diffuse.terms.far_side import far_side
+from skinbake.diffuse.terms.flesh_rays import AROUND, NOISE
 from skinbake.diffuse.terms.slab_weights import SlabWeights, fit_slabs, slab_weights
 from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts, TranslucentSkin
-from skinbake.diffuse.terms.transmission import TransmissionSwitch, TransmittedLight, transmit
+from skinbake.diffuse.terms.transmission import TransmissionSwitch, TransmittedLight, look_behind, transmit
 from skinbake.irradiance import light_texels
 from skinbake.irradiance.occluder import Occluder
 from skinbake.profile import GaussianSum
@@ -301,3 +303,32 @@ def test_a_medium_that_is_known_is_the_slab_s():
     np.testing.assert_array_equal(
         slab_weights(profile, reflectance, SkinMedium()).through_rgb, several
     )  # 1.4 where nobody says
+
+
+def test_more_rays_are_taken_where_the_tolerance_wants_them_and_what_they_leave_is_said():
+    """A slab lit below one half: against twenty rays at a cosine, and by the plan's line."""
+    profile, mesh, size = gaussians(), slab_mesh(4.0), (180, 80)
+    raster, diffused = lit_below(mesh, profile, size)
+    dark = interpolate(raster, mesh.corner_position_mm)[..., 0] < 3.0
+    for lobe in diffused.lobes:
+        lobe.rgb[1001][:, dark] = 0
+    skin = translucent(mesh, profile, size)
+
+    def through(switch):
+        thin, _ = look_behind(skin, switch, partial(transmit, diffused))
+        assert thin is not None
+        lobe, line = transmit(diffused, thin, switch)
+        return lobe.rgb[1001], line.error, thin.around
+
+    exact, least, most = through(TransmissionSwitch("on", 1e-4, 1e-6))
+    few, said, fewest = through(TransmissionSwitch("on", 0.5, 1.0))
+    more, less, between = through(TransmissionSwitch("on", 0.01, said / 2))
+    assert (fewest, most) == (AROUND[0], AROUND[-1])
+    assert fewest < between < most
+    assert 0 < least < less <= 0.55 * said  # the first look is at few texels
+
+    def off(image):
+        return np.sqrt(((image - exact) ** 2).sum() / (exact**2).sum())
+
+    assert off(more) < 0.6 * off(few)
+    assert off(few) < 2 * NOISE  # of the light that comes through

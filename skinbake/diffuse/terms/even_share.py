@@ -92,8 +92,8 @@ def even_share(diffused: DiffuseMap, thin: ThinParts, curved: CurvedSkin) -> dic
         image = np.zeros((*raster.shape, 3), np.float32)
         along, carried = along_rays(thin, far), carried_already(diffused, thin, far)
         # Of the gain, lobes that carry light through the flesh keep that: what is added is the rest
-        kept = gathered(np.minimum(along, carried))
-        image[rows, cols] = gathered(read_weights(thin.weights, in_gain, far)) - safe_div(kept, total)
+        kept = gathered(np.minimum(along, carried), thin.around)
+        image[rows, cols] = gathered(read_weights(thin.weights, in_gain, far), thin.around) - safe_div(kept, total)
         found[raster.tile] = image
     return found
 
@@ -145,10 +145,11 @@ def kept_through(
         kept = np.ones((len(otherwise), len(rows), 3), np.float32)
         for some, there in in_parts(len(rows), far):
             along = along_rays(thin, there)
-            if any((gathered(along) > of[some]).any() for of in room.values()):  # else nothing is too much
+            if any((gathered(along, thin.around) > of[some]).any() for of in room.values()):  # else nothing is too much
                 for k, of_light in enumerate([None] if times is None else times):
                     left = room[otherwise[k]][some]
-                    brought = gathered(np.maximum(along - carried_already(diffused, thin, there, of_light), 0))
+                    beside = np.maximum(along - carried_already(diffused, thin, there, of_light), 0)
+                    brought = gathered(beside, thin.around)
                     kept[k, some] = np.where(brought > left, safe_div(left, brought), 1)
         found.append(kept)
     return found

@@ -15,18 +15,49 @@ from skinbake.numerics import Float
 
 Image = NDArray[np.float32]
 WIDEST = 0.1  # least cosine: rays that graze meet the point's own side
-RINGS, AROUND = 3, 5  # three cosines make slabs of all thicknesses right to 2 %
+RINGS = 3  # three cosines make slabs of all thicknesses right to 2 %
+AROUND = 5, 7, 10, 14, 20  # rays at each, the fewest that hold the noise down
+NOISE, FADES = 0.16, 1.35  # of light that the fewest bring (rms), and its power of how many times as many there are
 TERMS = 5
 
 
-def rays_inwards() -> tuple[Float, Float]:
-    """Directions about an inward normal (0, 0, 1), (R, 3), and their shares of the hemisphere, (R,)."""
+def rays_inwards(around: int = AROUND[0]) -> tuple[Float, Float]:
+    """Directions about an inward normal (0, 0, 1), (R, 3), and their shares of the hemisphere, (R,).
+
+    Parameters
+    ----------
+    around : int
+        Of `AROUND`.
+    """
     node, share = np.polynomial.legendre.leggauss(RINGS)
-    cosine = np.repeat(WIDEST + (1 - WIDEST) * (node + 1) / 2, AROUND)
-    turn = np.arange(RINGS * AROUND) + np.repeat(np.arange(RINGS) / 2, AROUND)
-    angle, sine = 2 * np.pi * turn / AROUND, np.sqrt(1 - cosine**2)
+    cosine = np.repeat(WIDEST + (1 - WIDEST) * (node + 1) / 2, around)
+    turn = np.arange(RINGS * around) + np.repeat(np.arange(RINGS) / 2, around)
+    angle, sine = 2 * np.pi * turn / around, np.sqrt(1 - cosine**2)
     ways = np.stack([sine * np.cos(angle), sine * np.sin(angle), cosine], axis=1)
-    return ways, np.repeat((1 - WIDEST) * share / 2 / AROUND, AROUND)
+    return ways, np.repeat((1 - WIDEST) * share / 2 / around, around)
+
+
+def noise_of_rays(through: float, around: int) -> float:
+    """Root mean square that so few rays leave of light whose own is `through`: as heads that were turned differ.
+
+    Parameters
+    ----------
+    through : float
+    around : int
+        Of `AROUND`.
+    """
+    return NOISE * through * (AROUND[0] / around) ** FADES
+
+
+def rays_for(through: float, limit: float) -> int:
+    """The fewest of `AROUND` whose noise is within a limit; the most where none is.
+
+    Parameters
+    ----------
+    through, limit : float
+        Root mean squares, of the light and of its noise.
+    """
+    return next((around for around in AROUND if noise_of_rays(through, around) <= limit), AROUND[-1])
 
 
 def through_along(thickness_mm: Float, through_rgb: Float) -> Float:
@@ -51,9 +82,16 @@ def through_along(thickness_mm: Float, through_rgb: Float) -> Float:
     return whole - slope
 
 
-def gathered(along: Image) -> Image:
-    """Light that the rays of each point bring, (..., n R, C), as a sum over them, (..., n, C)."""
-    share = rays_inwards()[1].astype(np.float32)
+def gathered(along: Image, around: int) -> Image:
+    """Light that the rays of each point bring, (..., n R, C), as a sum over them, (..., n, C).
+
+    Parameters
+    ----------
+    along : ndarray of shape (..., n R, C)
+    around : int
+        Of `rays_inwards`.
+    """
+    share = rays_inwards(around)[1].astype(np.float32)
     by_point = along.reshape(*along.shape[:-2], -1, len(share), along.shape[-1])
     total: Image = np.einsum("...rc,r->...c", by_point, share)
     return total

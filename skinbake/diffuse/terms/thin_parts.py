@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skinbake.atlas import AtlasRaster, coarser_atlas, face_mm_per_texel
 from skinbake.diffuse.terms.curvature import CurvedSkin
 from skinbake.diffuse.terms.far_side import FarSide, far_side, inwards
-from skinbake.diffuse.terms.flesh_rays import rays_inwards
+from skinbake.diffuse.terms.flesh_rays import AROUND, rays_inwards
 from skinbake.diffuse.terms.skin_hits import skin_points
 from skinbake.diffuse.terms.slab_weights import DARK, SlabWeights, slab_weights
 from skinbake.irradiance.occluder import Occluder
@@ -104,13 +104,16 @@ class ThinParts(NamedTuple):
     skin : TranslucentSkin
     tiles : tuple of ThinTile
         Its points lie about `skin.occluder.centre_mm`.
+    around : int
+        Rays at each cosine, as of `rays_inwards`.
     """
 
     skin: TranslucentSkin
     tiles: tuple[ThinTile, ...]
+    around: int
 
     @classmethod
-    def of(cls, skin: TranslucentSkin, texel_mm: float = TEXEL_MM) -> ThinParts:
+    def of(cls, skin: TranslucentSkin, texel_mm: float = TEXEL_MM, around: int = AROUND[0]) -> ThinParts:
         """Trace inwards from the texels of a texture.
 
         Parameters
@@ -118,6 +121,8 @@ class ThinParts(NamedTuple):
         skin : TranslucentSkin
         texel_mm : float
             Of the texels that are looked behind, about.
+        around : int
+            As of `rays_inwards`.
         """
         mesh, texture = skin.mesh, skin.texture
         full_mm = float(np.median(face_mm_per_texel(mesh, texture.size).max(axis=1)))
@@ -127,7 +132,7 @@ class ThinParts(NamedTuple):
         for raster in coarser_atlas(mesh, texture.size, texture.gutter, texture.udim, small):
             band = max(1, _AT_ONCE // raster.shape[1])
             found = [
-                _look_behind(raster, first, band, mesh, skin.occluder, skin.slabs[0])
+                _look_behind(raster, slice(first, first + band), mesh, skin.occluder, skin.slabs[0], around)
                 for first in range(0, len(raster.coverage), band)
             ]
             rows, cols, *far = (np.concatenate(part) for part in zip(*found, strict=True))
@@ -135,7 +140,7 @@ class ThinParts(NamedTuple):
             if skin.curved:
                 behind = behind._replace(held=skin.curved.held(mesh, texture.udim, behind.face, behind.uv))
             tiles.append(ThinTile(raster, rows, cols, behind))
-        return cls(skin, tuple(tiles))
+        return cls(skin, tuple(tiles), around)
 
     @property
     def weights(self) -> SlabWeights:
@@ -158,7 +163,7 @@ class ThinParts(NamedTuple):
 
 
 def _look_behind(
-    raster: AtlasRaster, first: int, rows_at_once: int, mesh: SkinMesh, occluder: Occluder, weights: SlabWeights
+    raster: AtlasRaster, some: slice, mesh: SkinMesh, occluder: Occluder, weights: SlabWeights, around: int
 ) -> tuple[Index | Float, ...]:
     """Some rows of texels: rows and columns of those that are thin, and the fields of `FarSide`.
 
@@ -167,21 +172,23 @@ def _look_behind(
     Parameters
     ----------
     raster : AtlasRaster
-    first, rows_at_once : int
+    some : slice
         Rows.
     mesh : SkinMesh
     occluder : Occluder
     weights : SlabWeights
+    around : int
+        As of `rays_inwards`.
     """
-    rows, cols = np.nonzero(raster.addressed[first : first + rows_at_once])
-    rows += first
+    rows, cols = np.nonzero(raster.addressed[some])
+    rows += some.start
     point, normal = skin_points(raster, mesh, occluder, rows, cols)
     near = np.flatnonzero(occluder.occluded(*inwards(occluder, point, normal), _reach(weights, len(rows))))
     far = far_side(occluder, mesh, point[near], normal[near])
     lit = (far.face >= 0) & (far.opposed > 0)
     lit &= read_weights(weights, weights.through_rgb, far).max(axis=1) >= DARK
     near = near[lit]
-    far = far_side(occluder, mesh, point[near], normal[near], rays_inwards()[0])
+    far = far_side(occluder, mesh, point[near], normal[near], rays_inwards(around)[0])
     return rows[near], cols[near], *far[:-1]
 
 

@@ -27,7 +27,7 @@ from skinbake.atlas.sample import texels_around
 from skinbake.diffuse.diffuse_map import Decision, DiffuseMap, Lobe
 from skinbake.diffuse.methods import METHODS
 from skinbake.diffuse.terms.far_side import FarSide, factors_of_lights, in_parts
-from skinbake.diffuse.terms.flesh_rays import gathered, through_along
+from skinbake.diffuse.terms.flesh_rays import gathered, noise_of_rays, rays_for, through_along
 from skinbake.diffuse.terms.thin_parts import FEW_MM, ThinParts, TranslucentSkin, read_weights
 from skinbake.diffuse.terms.thin_worth import SEEN_SHARE, contribution
 from skinbake.kernels.compile import kernel
@@ -39,6 +39,7 @@ Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 STEEPEST = 0.1  # least cosine at which a ray leaves, of what the lobes carry themselves
 SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
+LEAST_LEFT = 0.25  # of the tolerance that noise may take, even where nothing is left of it
 WORTH = 5.0  # tolerances of the mean radiance that part must reach
 PLAIN = 0.8  # of what may be left out: few texels come within 0.04 of what all say
 
@@ -76,10 +77,13 @@ class TransmissionSwitch(NamedTuple):
     limit: float = np.inf
 
 
-def plainly_dark(
+def look_behind(
     skin: TranslucentSkin, switch: TransmissionSwitch, pass_through: Callable[..., tuple[Lobe | None, Decision]]
-) -> Decision | None:
-    """The plan's line where that is plain: the look says `off`, or few texels tell that `auto` is far from taking it.
+) -> tuple[ThinParts | None, Decision]:
+    """What lies behind the texels, None where it is plain that it does not count, and the plan's line by a first look.
+
+    Plain is that the look says `off`, or that few texels tell that `auto` is far from taking it. They also tell how
+    many rays hold the noise within what is left of the tolerance.
 
     Parameters
     ----------
@@ -89,11 +93,13 @@ def plainly_dark(
         `transmit`, but for `thin`, `switch` and `margin`.
     """
     if switch.terms == "off":
-        return Decision("transmission", False, "off")
-    if switch.terms == "on":
-        return None
-    _, line = pass_through(thin=ThinParts.of(skin, FEW_MM), switch=switch, margin=PLAIN)
-    return None if line.enabled else line
+        return None, Decision("transmission", False, "off")
+    few = ThinParts.of(skin, FEW_MM)
+    _, line = pass_through(thin=few, switch=switch, margin=PLAIN)
+    if not line.enabled:
+        return None, line
+    through = line.error / noise_of_rays(1.0, few.around)
+    return ThinParts.of(skin, around=rays_for(through, max(switch.limit, LEAST_LEFT * switch.tolerance))), line
 
 
 def transmit(
@@ -149,7 +155,7 @@ def transmit(
         kept = rms > margin * limit
     found = f"{SEEN_SHARE:.1%} of the skin get {peak:.1%} of the mean light and more (rms {rms:.2%})"
     why = f"{switch.terms}: through thin parts {found}, worth it from {shows:.1%} (rms {limit:.2%})"
-    return lobe if kept else None, Decision("transmission", kept, why, 0.0 if kept else rms)
+    return lobe if kept else None, Decision("transmission", kept, why, noise_of_rays(rms, thin.around) if kept else rms)
 
 
 def transmitted_lobe(
@@ -172,7 +178,8 @@ def transmitted_lobe(
         image = np.zeros((len(diffused.lights), *raster.shape, 3), np.float32)
         for some, there in in_parts(len(rows), far):  # what a ray brings of each light is many times the ray
             factor = factors_of_lights(thin.weights, there, of_names, thin.skin.occluder.centre_mm)
-            image[:, rows[some], cols[some]] = gathered(_across(diffused, thin, there, factor, rest, times))
+            brought = _across(diffused, thin, there, factor, rest, times)
+            image[:, rows[some], cols[some]] = gathered(brought, thin.around)
         rgb[raster.tile] = image
     return Lobe(float(thin.gaussians.variance_mm2[-1]), (scatter, scatter, scatter), None, rgb)
 
@@ -200,7 +207,7 @@ def carried_already(diffused: DiffuseMap, thin: ThinParts, far: FarSide, times: 
         if lobe.method and METHODS[lobe.method].through_flesh and lobe.variance_mm2 > 0:
             part = thin.weights.thickness_mm**2 / (2 * lobe.variance_mm2)
             along = read_weights(thin.weights, (2 * part * np.exp(-part))[:, None], far) / steep
-            whole = 1 + gathered(along)
+            whole = 1 + gathered(along, thin.around)
             less += along / np.repeat(whole, len(along) // max(len(whole), 1), axis=0) * weight.astype(np.float32)
     return less
 
