@@ -21,8 +21,10 @@ from skinbake.irradiance.light_skin import light_skin
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_share
-from skinbake.profile.diffuse_shape import diffuse_factors
+from skinbake.profile.diffuse_shape import LEAST, MOST, diffuse_factors
 from skinbake.profile.entered_skin import EnteredSkin
+from skinbake.profile.layers import Layer
+from skinbake.profile.medium import Medium
 from skinbake.profile.skin_medium import SkinMedium
 from skinbake.scene.maps import SkinMaps
 from skinbake.scene.skin import TransportSkin
@@ -216,6 +218,21 @@ def test_round_skin_still_sends_back_its_gain():
     )
     np.testing.assert_allclose(total, np.repeat(gains[inside], 2, axis=1), rtol=1e-3)
     assert np.abs(plain - gains[inside]).max() > 0.005  # which it would not be
+
+
+def test_a_lobe_that_a_hollow_leaves_next_to_nothing_of_takes_no_light_for_it():
+    """Where form takes all of the wide lobes, what they should have is many times what they have: within bounds."""
+    atlas = rasterize(quad(), (16, 12), 2)
+    layer = Layer(Medium(np.array([0.015, 0.077, 0.19]), np.array([0.15, 0.21, 0.38])), np.inf, 1.3)  # chicken
+    variance = np.array([0.6, 1.7, 4.5, 13.3, 46.0, 198.0])
+    weight = np.array([[0, 0, 14], [0, 22, 46], [32, 66, 37], [107, 56, 11], [113, 16, 0], [69, 0, 0]]) / 1000
+    gaussians = GaussianSum(variance, weight, np.zeros(3), weight.sum(axis=0), normalise="none")
+    share = curved_share(gaussians, layer.medium, layer.eta)
+    curved = CurvedSkin({}, {1001: np.full((1, 2, 3), 0.5, np.float32)}, weight, share, layer)
+    light = {1001: np.ones((1, 12, 16, 3), np.float32)}
+    own = DiffuseProfile(gaussians, layer, atlas, 1, curved).light(light, [0], lambda k: iter(()), np.zeros)
+    assert own.factor.max() <= MOST**2
+    assert own.factor.min() >= LEAST**2
 
 
 def test_times_tells_how_often_a_lobe_has_a_light():

@@ -20,7 +20,7 @@ from skinbake.kernels.threads import parallel_for
 from skinbake.numerics import Float, Zeros, safe_div
 from skinbake.profile import GaussianSum
 from skinbake.profile.curved_skin import curved_share
-from skinbake.profile.diffuse_shape import diffuse_factors
+from skinbake.profile.diffuse_shape import LEAST, MOST, diffuse_factors
 from skinbake.profile.effective_medium import one_layer
 from skinbake.profile.layers import Layer
 from skinbake.profile.skin_medium import SkinMedium
@@ -209,7 +209,8 @@ class DiffuseProfile:
         """Each lobe's factors by the gain of round skin, and that gain.
 
         What round skin adds is known of light from everywhere, and lobes share it where light leaves. So that their sum
-        is still that, they take such light also by the share that they should have over that which they have.
+        is still that, they take such light also by the share that they should have over that which they have, within
+        the bounds of the factors: a hollow may leave next to nothing of wide lobes, where they should have some.
         """
         gaussians, factor, curved = self._gaussians, self._factor_rgb, self._curved
         if curved is None:
@@ -218,7 +219,7 @@ class DiffuseProfile:
         own = replace(gaussians, weight_rgb=gaussians.weight_rgb * factor, table=None)
         share = curved_share(own, self._layer.medium, self._layer.eta) if curved.share.any() else curved.share
         has, should_have = lobe_factors(curved.weight, curved.share), lobe_factors(own.weight_rgb, share)
-        return factor[:, None] * safe_div(should_have, has), curved.gain
+        return factor[:, None] * np.clip(safe_div(should_have, has), LEAST, MOST), curved.gain
 
 
 def _filtered(image: Image, kernel: Image) -> Image:
