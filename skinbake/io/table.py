@@ -50,7 +50,7 @@ def read_profile_csv(path: Path | str) -> tuple[Float, Float]:
     rows: list[list[float]] = []
     for number, line in lines[1:]:
         cells = _cells(path, number, line)
-        if any(cells[len(header) :]):
+        if any(map(str.strip, cells[len(header) :])):
             raise InputError(f"{path}:{number}: expected {len(header)} cells as in the header, got {_shown(line)}")
         try:
             row = [float(cells[place]) for place in places]

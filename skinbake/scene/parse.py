@@ -56,9 +56,12 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str], context: Mapp
 
 
 def _taken_for_1(given: Any, made: Any, key: Key = ()) -> Iterator[tuple[Key, bool]]:
-    """Keys of `true`, `on`, `false` ... that became numbers, as they do to pydantic, and these."""
+    """Keys of `true`, `on`, `false` ... that became numbers, as they do to pydantic, and these.
+
+    Where nothing is left of one, its number has gone to another key, as a look's `tolerance` does.
+    """
     if isinstance(given, bool):
-        if isinstance(made, int | float) and not isinstance(made, bool):
+        if made is None or (isinstance(made, int | float) and not isinstance(made, bool)):
             yield key, given
     elif isinstance(given, Mapping) and isinstance(made, BaseModel | Mapping):
         below = made if isinstance(made, Mapping) else dict(made)

@@ -175,6 +175,7 @@ def test_overrides_are_named_in_their_faults(look):
         ("skin=null", "skin: expected a mapping, got nothing"),
         ("specular.strength=on", "specular.strength: expected a number, got true"),
         ("texture.gutter=false", "texture.gutter: expected a number, got false"),
+        ("tolerance=on", "tolerance: expected a number, got true"),
         ("maps.albedo_rgb=[0.5, yes, 0.3]", "maps.albedo_rgb[1]: expected a number, got true"),
     ],
 )

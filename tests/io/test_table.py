@@ -7,9 +7,9 @@ from skinbake.profile.table import MOST_ANNULI, TableProfile
 
 
 def test_reads_by_header(tmp_path):
-    """Columns are found by name in any order; others, comments, blank lines and a byte-order mark are passed over."""
+    """Columns are found by name in any order; others, comments, blanks and a byte-order mark are passed over."""
     file = tmp_path / "p.csv"
-    file.write_text("\ufeff# measured\nG, R ,r_mm,B,note\n\n2,1,0,3,x\n5,4,0.5,6,y\n", encoding="utf-8")
+    file.write_text("\ufeff# measured\nG, R ,r_mm,B,note\n\n2,1,0,3,x, \n5,4,0.5,6,y\n", encoding="utf-8")
     radius, rgb = read_profile_csv(file)
     assert radius.tolist() == [0, 0.5]
     assert rgb.tolist() == [[1, 2, 3], [4, 5, 6]]
