@@ -22,7 +22,7 @@ from skinbake.profile.weight_table import WeightTable
 from skinbake.relight.relit import Sun, light_coefficients, relit
 from skinbake.relight.transfer import Transfer
 from skinbake.scene.budget import is_within, left_wrong
-from skinbake.scene.decision import Decision
+from skinbake.scene.decision import Decision, uncounted_words
 from skinbake.scene.spec import SceneSpec
 
 Gains = Mapping[str, float | Sequence[float]]
@@ -97,9 +97,10 @@ class BakedSkin:
             return "the blur was not measured"
         met = "within" if self.tolerance_met else "not within"
         tolerance = self.look.diffusion.tolerance
+        uncounted = uncounted_words(line.record() for line in self.plan)
         return (
             f"the blur is off by {self.error.rms:.2%} rms, all that is left wrong by {self.left_wrong:.2%}, {met} the "
-            f"tolerance of {tolerance:.2%}"
+            f"tolerance of {tolerance:.2%}{'; ' * bool(uncounted)}{uncounted}"
         )
 
     def _repr_html_(self) -> str:

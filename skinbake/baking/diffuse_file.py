@@ -16,7 +16,7 @@ from skinbake.diffuse.planning.texture_size import coarser_sizes, may_be_reduced
 from skinbake.errors import InputError
 from skinbake.io.digests import sha256_of
 from skinbake.io.exr import read_attributes
-from skinbake.io.irradiance import read_irradiance, tile_path
+from skinbake.io.irradiance import is_ours, read_irradiance, tile_path
 from skinbake.scene.spec import SceneSpec
 
 
@@ -50,7 +50,8 @@ def diffuse_file(spec: SceneSpec, irradiance: str, force: bool = False, verbosit
         bake.results.finish_writing()
         bake.results.remove_own_picture()  # of other lobes
         own = bake.results.irradiance_paths()
-        arriving = [own[tile].name for tile, path in paths.items() if own[tile].exists() and own[tile].samefile(path)]
+        inside = {tile: path for tile, path in paths.items() if own[tile].exists() and own[tile].samefile(path)}
+        arriving = [own[tile].name for tile, path in inside.items() if is_ours(path)]
         manifest = manifest_of(bake.inputs, bake.results, bake.log, baked)
         manifest |= {"lights": list(maps[0].lights), "irradiance": arriving}
         finish_manifest(bake.results, manifest)

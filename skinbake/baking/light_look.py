@@ -10,8 +10,8 @@ from skinbake.baking.pace import expected_seconds
 from skinbake.scene.spec import SceneSpec
 
 
-def light_look(spec: SceneSpec, force: bool = False, verbosity: int = 1) -> Path:
-    """Write the irradiance of a look, and give the folder.
+def light_look(spec: SceneSpec, force: bool = False, verbosity: int = 1) -> list[Path]:
+    """Write the irradiance of a look, and give its files, one a tile.
 
     Parameters
     ----------
@@ -26,4 +26,4 @@ def light_look(spec: SceneSpec, force: bool = False, verbosity: int = 1) -> Path
         with bake.results.open():
             put_aside(bake.inputs, stages, bake.results.spool)
             stages.irradiance.result()
-    return bake.results.folder
+        return list(bake.results.irradiance_paths().values())

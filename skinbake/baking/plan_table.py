@@ -10,7 +10,7 @@ from skinbake.diffuse.diffuse_map import Lobe
 from skinbake.diffuse.methods import IDENTITY
 from skinbake.pipeline import Baked
 from skinbake.scene.budget import FIT
-from skinbake.scene.decision import Decision
+from skinbake.scene.decision import Decision, uncounted_words
 
 HEAD = ("what", "how", "seconds", "error")
 _SIZES = {1: "full size", 2: "half size", 4: "a quarter of the size", 8: "an eighth of the size"}
@@ -77,7 +77,8 @@ def plan_rows(baked: Baked, parts: Mapping[str, float]) -> list[Row]:
         rows.append(Row("fit", how, None, plan[FIT].error, "beside the sum"))
     if baked.left_wrong is not None:
         total = f"of {_percent(baked.decisions.budget.tolerance)}"
-        rows.append(Row("all", "but fit and model (`skinbake truth`)", None, baked.left_wrong, total))
+        but = ", and for the terms without directions" if uncounted_words(line.record() for line in baked.plan) else ""
+        rows.append(Row("all", f"but fit and model (`skinbake truth`){but}", None, baked.left_wrong, total))
     return rows
 
 

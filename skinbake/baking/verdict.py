@@ -17,6 +17,7 @@ from skinbake.io.output_names import PICTURE
 from skinbake.numerics import Float
 from skinbake.pipeline import Baked
 from skinbake.scene.budget import FIT, is_within
+from skinbake.scene.decision import uncounted_words
 from skinbake.scene.mesh import SkinMesh
 
 EDGE = 0.05  # of the height: top and bottom
@@ -71,6 +72,8 @@ def verdict(manifest: Mapping[str, Any]) -> str:
         parts.append("the blur was not measured (diffusion.probes: 0)")
     if error.get("texture_size"):
         parts.append(f"the coarser texture loses about {_percent(error['texture_size'])}")
+    if uncounted := uncounted_words(manifest.get("plan", ())):
+        parts.append(uncounted)
     fit = next((line for line in manifest.get("plan", ()) if line["term"] == FIT), None)
     if fit and fit["error"] > LARGE_FIT * manifest["config"]["diffusion"]["tolerance"]:
         parts.append(f"beside that {fit['how']} are off from the skin's profile by {_percent(fit['error'])}")

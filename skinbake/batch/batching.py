@@ -219,13 +219,14 @@ def dry_run_lines(plan: Plan) -> tuple[list[str], bool]:
     """A line a look, naming the stages that would run and why; and whether every input is there."""
     from skinbake.baking.dry_run import stale_stages
     from skinbake.baking.session import BakeSession
-    from skinbake.export.after_bake import stale_export
+    from skinbake.export.after_bake import refuse_exports, stale_export
 
     lines, ok = [], True
     for job in plan.selected:
         order = plan.bake_job(job)
         session = BakeSession.of(order.cache, order.cache_bytes, base=order.base)
         try:
+            refuse_exports(job.spec)
             stale = stale_stages(job.spec, plan.force, plan.preview, session)
             if job.spec.output.export and (stale or (why := stale_export(job.spec))):
                 stale["export"] = "after the bake" if stale else why

@@ -316,7 +316,8 @@ def readable(report: dict[str, Any]) -> str:
         f"box       {_box(mesh)}",
         f"texture   {uv['size'][0]} x {uv['size'][1]}, tiles {', '.join(map(str, uv['tiles']))},"
         f" {uv['coverage']:.1%} covered",
-        f"texel     {middle:.3f} mm (5 % below {low:.3f}, 5 % above {high:.3f}), 95 % stretch {uv['stretch_95']:.2f}",
+        f"texel     {middle:.3f} mm (5 % below {low:.3f}, 5 % above {high:.3f}), 95 % stretch of UV"
+        f" {uv['stretch_95']:.2f}",
         f"charts    {uv['overlapping']} overlapping, {uv['flipped']} flipped, {uv['degenerate']} without UV area,"
         f" {uv['outside']} outside",
         "lobes     sigma "

@@ -78,6 +78,8 @@ def _bake(manifest: dict[str, Any], inputs: dict[str, dict[str, str]]) -> list[s
         lines.append(f"  {lobe['file']:<18} {variance:>9.4g} mm^2  {lobe['method']:<9} {size:<10} weights {weight}")
     lines.append("plan")
     lines += [f"  {'+' if line['kept'] else '-'} {line['term']:<20} {line['why']}" for line in manifest["plan"]]
+    from skinbake.scene.decision import uncounted_words
+
     error = manifest["error"] or {}
     if "rms" in error:
         lines.append(
@@ -87,6 +89,8 @@ def _bake(manifest: dict[str, Any], inputs: dict[str, dict[str, str]]) -> list[s
         )
     if "left_wrong" in error:
         lines.append(f"in all   rms {error['left_wrong']:.3%}: the blur, the texture's size and terms left out")
+    if uncounted := uncounted_words(manifest["plan"]):
+        lines.append(f"beside   {uncounted}")
     if model := error.get("model"):
         from skinbake.transport.model_error import rms_words
 

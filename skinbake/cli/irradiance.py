@@ -19,4 +19,5 @@ def command(config: str, out: str | None, overrides: tuple[str, ...], force: boo
     from skinbake.errors import printable
     from skinbake.io.config import load_look
 
-    print(printable(str(light_look(lit(load_look(config, overrides, out)), force, verbosity) / "irradiance.exr")))
+    written = light_look(lit(load_look(config, overrides, out)), force, verbosity)
+    print(printable("\n".join(map(str, written))))

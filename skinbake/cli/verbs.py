@@ -7,6 +7,7 @@ import importlib
 import io
 import os
 import sys
+from contextlib import suppress
 from typing import Any
 
 import click
@@ -73,6 +74,8 @@ def run_verb(arguments: list[str] | None = None) -> int:
     gc.set_threshold(500_000)  # imports make many objects that stay: looking them through ever again takes 0.5 s
     try:
         result: Any = group.main(arguments, prog_name="skinbake", standalone_mode=False)
+        with suppress(BrokenPipeError):  # whoever read it has gone; the verb has done all the same
+            sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except click.exceptions.Abort:
         print("stopped", file=sys.stderr)
@@ -102,6 +105,15 @@ def run_verb(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        told = f"skinbake: {error.filename or 'the system'}: {error.strerror or error}"
+        told = f"skinbake: {error.filename or _unwritten() or 'the system'}: {error.strerror or error}"
         print(printable(told), file=sys.stderr)
         return 2 if error.filename else 3
+
+
+def _unwritten() -> str:
+    """`stdout` where what was printed cannot be written, else nothing."""
+    try:
+        print(flush=True)
+    except OSError:
+        return "stdout"
+    return ""

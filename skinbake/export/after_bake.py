@@ -12,12 +12,14 @@ from skinbake.baking.bake_look import bake_look
 from skinbake.baking.session import BakeSession
 from skinbake.baking.stage_log import StageLog
 from skinbake.errors import InputError
+from skinbake.export.blender import refuse_varying_f0
 from skinbake.export.exports import export_names, write_exports
 from skinbake.io.export_list import NAME as LIST
 from skinbake.io.export_list import export_figures, is_exported, remove_exports
 from skinbake.io.lock import folder_lock
 from skinbake.io.manifest import NAME as MANIFEST
 from skinbake.io.manifest import read_manifest, write_manifest
+from skinbake.irradiance.decide import decide
 from skinbake.scene.spec import SceneSpec
 
 FOLDER = "export"
@@ -47,10 +49,24 @@ def bake_and_export(
     Raises
     ------
     InputError, MachineError, ToleranceMissedError
-        As `bake_look`; InputError also where a file of others has the name of an export.
+        As `bake_look`; InputError also where a file of others has the name of an export, or the look is such that one
+        cannot be made.
     """
+    refuse_exports(spec)
     bake_look(spec, force, preview, verbosity, session, partial(_export, spec, force))
     return read_manifest(spec.output.dir)
+
+
+def refuse_exports(spec: SceneSpec) -> None:
+    """Stop before a bake whose exports could not be written.
+
+    Raises
+    ------
+    InputError
+        The look asks for an export that there cannot be of it.
+    """
+    if "blender" in spec.output.export:
+        refuse_varying_f0(spec, decide(spec).energy_conservation.enabled)
 
 
 def refuse_own_exports(target: Path) -> None:

@@ -23,6 +23,7 @@ from skinbake.irradiance.oil_albedo import oil_table
 from skinbake.irradiance.oil_layer import ROUGHNESS_MIN
 from skinbake.irradiance.scene_data import SceneData
 from skinbake.preview.camera import camera_of
+from skinbake.scene.spec import SceneSpec
 
 SCRIPT, DATA, MESH = "skin_blender.py", "skin_blender.json", "skin.obj"
 _TABLE, _AFTER = "oil_albedo.exr", "albedo_after.exr"
@@ -43,15 +44,33 @@ def blender_names(baked: BakedSkin, folder: Path) -> list[str]:
     InputError
         Maps vary the reflectance of its oil.
     """
-    if baked.look.maps.f0 is not None and _conserves(folder):
-        raise InputError("export --blender: expected oil of one specular.f0, got maps.f0")
+    conserves = _conserves(folder)
+    refuse_varying_f0(baked.look, conserves)
     tiled = [_AFTER] if _after(baked) else []
     plain = [SCRIPT, DATA, MESH]
-    if _conserves(folder):
+    if conserves:
         tiled += [_MAPS[name] for name in _oil_maps(baked)]
         plain.append(_TABLE)
     udim = baked.look.texture.udim
     return [*plain, *layer_names(baked), *(tile_path(Path(n), tile, udim).name for n in tiled for tile in baked.tiles)]
+
+
+def refuse_varying_f0(look: SceneSpec, conserves: bool) -> None:
+    """Stop at oil that Blender cannot be told of.
+
+    Parameters
+    ----------
+    look : SceneSpec
+    conserves : bool
+        Whether its bake keeps back what the oil reflects.
+
+    Raises
+    ------
+    InputError
+        Maps vary the reflectance of its oil.
+    """
+    if look.maps.f0 is not None and conserves:
+        raise InputError("export --blender: expected oil of one specular.f0, got maps.f0")
 
 
 def write_blender(baked: BakedSkin, folder: Path, target: Path) -> None:

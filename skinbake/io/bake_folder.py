@@ -60,7 +60,8 @@ def read_bake_folder(path: Path | str, summed: bool = False) -> BakeFolder:
     if names != tuple(light.name for light in spec.lights):
         raise InputError(
             f"{folder / NAME}: expected the lights of its look, {', '.join(light.name for light in spec.lights)}, got "
-            f"{', '.join(names)}, as `skinbake diffuse` makes lobes of light that it is given"
+            f"{', '.join(names)}, as `skinbake diffuse` makes lobes of light that it is given; `skinbake bake` makes "
+            "those of its own lights, and of these lobes there are export --sum, --layers and --gltf"
         )
     separate = spec.output.separate_lights and not summed
 

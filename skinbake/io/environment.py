@@ -39,7 +39,8 @@ def read_environments(lights: Iterable[LightSpec]) -> dict[str, Image]:
     """
     chosen = [light for light in lights if isinstance(light, EnvironmentLight) and light.path is not None]
     refuse_beyond_memory({Path(str(light.path)): image_bytes(str(light.path), 3) for light in chosen})
-    return {light.name: _read(Path(str(light.path)), light) for light in chosen}
+    limits = "`clamp:` of the light limits what is infinite"
+    return {light.name: _read(Path(str(light.path)), light, limits) for light in chosen}
 
 
 def read_sky(path: Path | str) -> Image:
@@ -52,14 +53,14 @@ def read_sky(path: Path | str) -> Image:
     """
     if str(path) in sky_names():
         return made_sky(str(path))
+    refuse_beyond_memory({Path(path): image_bytes(str(path), 3)})
     light = EnvironmentLight(name="sky", type="environment", path=str(path))
-    return read_environments([light])["sky"]
+    return _read(Path(path), light, "limit what is infinite in the file, as `clamp:` is for lights of a look only")
 
 
-def _read(path: Path, light: EnvironmentLight) -> Image:
+def _read(path: Path, light: EnvironmentLight, infinite: str) -> Image:
     _refuse_other_layouts(path, read_header(path))
-    radiance = read_radiance(path, light.layer, light.color_space, is_sky=True, most=light.clamp)
-    return radiance
+    return read_radiance(path, light.layer, light.color_space, is_sky=True, most=light.clamp, infinite=infinite)
 
 
 def _refuse_other_layouts(path: Path, header: ImageHeader) -> None:

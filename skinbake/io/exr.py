@@ -255,7 +255,7 @@ def read_parts(path: Path | str, names: Collection[str] | None = None) -> dict[s
     Raises
     ------
     InputError
-        A file is missing, is not an EXR, or is cut short.
+        A file is missing, is not an EXR, is cut short, or holds more or less than its display window.
     """
     others = [file for header in _own_attributes(path).values() for file in _others(path, header).items()]
     parts = _own_parts(path, names)
@@ -277,6 +277,9 @@ def _own_parts(path: Path | str, names: Collection[str] | None) -> dict[str, Par
             name = str(spec.get_string_attribute("name") or spec.get_string_attribute(_PART))
             if names is not None and name not in names:
                 continue
+            window = (spec.x, spec.y, spec.width, spec.height)
+            if window != (spec.full_x, spec.full_y, spec.full_width, spec.full_height):
+                raise InputError(f"{path}: expected a data window equal to the display window, got {window}")
             pixels = source.read_image(index - 1, 0, 0, spec.nchannels, oiio.UNKNOWN)
             if pixels is None:
                 raise InputError(f"{path}: expected a whole EXR, got: {source.geterror()}")

@@ -82,6 +82,7 @@ def read_radiance(
     color_space: str = "auto",
     is_sky: bool = False,
     most: float | None = None,
+    infinite: str = "",
 ) -> Image:
     """Colours of any brightness from a file of somebody else's, (h, w, 3), linear Rec.709, nothing below 0.
 
@@ -94,6 +95,8 @@ def read_radiance(
         A texture's texels are divided by alpha, and clear ones filled; a sky is what arrives, as it is.
     most : float, optional
         Limit of each channel, infinite ones included.
+    infinite : str
+        What is said to whoever has infinite values.
 
     Raises
     ------
@@ -110,8 +113,8 @@ def read_radiance(
     try:
         values = three_channels(path, decoded(path, stored, color_space, False)[0])
     except InputError as error:
-        if is_sky and np.isposinf(stored.pixels).any():
-            raise InputError(f"{error}; `clamp:` of the light limits what is infinite") from error
+        if infinite and np.isposinf(stored.pixels).any():
+            raise InputError(f"{error}; {infinite}") from error
         raise
     values = not_negative(path, values)
     if most is not None:

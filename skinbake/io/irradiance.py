@@ -106,7 +106,7 @@ def read_irradiance(path: Path, tile: int, size: tuple[int, int] | None = None) 
     InputError
         No RGB, another size, or a value that is negative or not finite (named by its texel).
     """
-    if not _is_ours(path):
+    if not is_ours(path):
         rgb = read_radiance(path)
         if size is None or rgb.shape[1::-1] == tuple(size):
             one = np.ones(rgb.shape[:2], np.float32)
@@ -178,7 +178,14 @@ def _plan(path: Path, part: Part) -> tuple[Decision, ...]:
         raise InputError(f"{path}: part {part.name}, skinbake:plan: expected a plan, got: {error}") from error
 
 
-def _is_ours(path: Path) -> bool:
+def is_ours(path: Path) -> bool:
+    """Whether a file is one of ours, with the light in parts, or anybody's picture.
+
+    Raises
+    ------
+    InputError
+        It is missing or is not an EXR.
+    """
     headers = read_attributes(path)
     return TOTAL in headers or any(
         "skinbake:version" in header or name.startswith(LIGHT) for name, header in headers.items()

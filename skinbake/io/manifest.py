@@ -138,7 +138,7 @@ def irradiance_files(manifest: Mapping[str, Any], folder: Path | str) -> list[st
     if not any((Path(folder) / name).exists() for name in names):
         raise InputError(
             f"{folder}: expected a whole bake, got lobes without the light that arrives, as `skinbake diffuse` leaves "
-            "them; `skinbake bake` writes both"
+            "them; `skinbake bake` writes both, and of these lobes alone there are export --sum and --gltf"
         )
     return names
 

@@ -10,6 +10,7 @@ from typing import Any
 from skinbake.scene.budget import Budget
 
 TOTAL_LIGHT = "total"
+NO_DIRECTIONS = "the irradiance was given, and with it no directions"
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,18 @@ class Decision:
         if not isinstance(error, float | int) or not isfinite(error):
             raise TypeError(f"expected a number as error, got {error!r:.100}")
         return Decision(record["term"], record["kept"], record["why"], float(error), str(record.get("how", "")))
+
+
+def uncounted_words(lines: Iterable[Mapping[str, Any]]) -> str:
+    """What no sum of errors holds, since light was given without its directions; empty where nothing is missing.
+
+    Parameters
+    ----------
+    lines : iterable of mapping
+        The plan, as `Decision.record` gives it.
+    """
+    terms = [line["term"] for line in lines if NO_DIRECTIONS in line.get("why", "")]
+    return f"{', '.join(terms)} left out and not counted, as the light was given without directions" if terms else ""
 
 
 def kept_of_any_light(plan: Iterable[Decision], term: str) -> bool:

@@ -9,6 +9,7 @@ import pytest
 from skinbake.baking.verdict import last_lines, marked, verdict, where_on
 from skinbake.cli import run
 from skinbake.io.mesh import write_obj
+from skinbake.scene.decision import NO_DIRECTIONS
 from tests.shapes import quad, sphere
 
 ERROR = {"rms": 0.0022, "left_wrong": 0.008, "max": 0.127, "worst": {"where": "at the front left, 62 % of the way up"}}
@@ -48,6 +49,14 @@ def test_the_verdict_tells_of_a_fit_that_leaves_much(error, told):
     plan = [{"term": "fit", "error": error, "how": "4 Gaussians"}]
     said = "; beside that 4 Gaussians are off from the skin's profile by 0.51 %; "
     assert (said in verdict(MANIFEST | {"plan": plan})) == told
+
+
+def test_the_verdict_tells_of_terms_that_no_sum_holds():
+    """Light that was given has no directions; what was switched off is no news."""
+    plan = [{"term": "beam", "why": f"auto: {NO_DIRECTIONS}"}, {"term": "curvature", "why": "off"}]
+    said = "; beam left out and not counted, as the light was given without directions; "
+    assert said in verdict(MANIFEST | {"plan": plan})
+    assert "not counted" not in verdict(MANIFEST | {"plan": plan[1:]})
 
 
 @pytest.mark.parametrize(

@@ -150,13 +150,15 @@ def test_stages_that_have_not_changed_are_not_run_again(scene):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("tiles", "name"), [(1, "irradiance.exr"), (2, "irradiance.exr"), (2, "irradiance.1002.exr")])
-def test_each_stage_runs_alone_on_files(scene, tiles, name):
+def test_each_stage_runs_alone_on_files(scene, capsys, tiles, name):
     """irradiance, then diffuse on its file or on any of its tiles, is what bake does in one go."""
     look = scene(sphere(90.0, "latlong", 24, tiles=tiles))
     # Light that is given has no directions: slanted light is left as it is
     udim = ("--set", f"texture.udim={str(tiles > 1).lower()}", "--set", "terms.incidence=off")
     whole = digests(bake(look, *udim))
+    capsys.readouterr()
     out = bake(look, *udim, "--out", str(look.parent / "apart"), verb="irradiance").parent / "apart"
+    assert capsys.readouterr().out.splitlines() == [str(path) for path in sorted(out.glob("irradiance*.exr"))]
     arguments = ["diffuse", str(look), str(out / name), "--out", str(out), "--quiet", *udim]
     assert run(arguments) == 0
     for name in whole:
@@ -215,9 +217,39 @@ def test_lobes_of_given_light_are_no_whole_bake(scene, tmp_path, capsys):
         assert read_manifest(folder)["irradiance"] == []
         for verb in (["preview", folder, "--png", tmp_path / "a.png"], ["export", folder, "--web", "--to", tmp_path]):
             assert run(list(map(str, verb))) == 2
-            assert "expected a whole bake, got lobes without the light that arrives" in capsys.readouterr().err
+            said = capsys.readouterr().err
+            assert "expected a whole bake, got lobes without the light that arrives" in said
+            assert "of these lobes alone there are export --sum and --gltf" in said
         assert open_bake(folder).tiles == open_bake(out).tiles
-        assert run(["export", str(folder), "--sum", "--to", str(folder / "sum"), "--quiet"]) == 0
+        assert run(["export", str(folder), "--sum", "--gltf", "--to", str(folder / "sum"), "--quiet"]) == 0
+
+
+def test_a_picture_of_light_is_no_light_of_ours_in_any_folder(scene, tmp_path, capsys):
+    """One of somebody else's that has our name and lies where its lobes go: no verb takes it for a bake's."""
+    look, folder = scene(size=32), tmp_path / "given"
+    folder.mkdir()
+    write_parts(folder / "irradiance.exr", [Part("", rgb_channels(np.ones((32, 32, 3), np.float32)))])
+    assert run(["diffuse", str(look), str(folder / "irradiance.exr"), "--out", str(folder), "--quiet"]) == 0
+    verbs = [["preview", folder, "--png", tmp_path / "a.png"]]
+    verbs += [["export", folder, kind, "--to", tmp_path / "to"] for kind in ("--layers", "--web", "--blender")]
+    for verb in verbs:
+        assert run(list(map(str, verb))) == 2
+        assert "got lobes without the light that arrives, as `skinbake diffuse` leaves" in capsys.readouterr().err
+
+
+def test_terms_that_need_directions_are_told_to_be_left_out_of_given_light(scene, tmp_path, capsys):
+    """In the table, by `info` and in the sentence of the API: their error is in no sum."""
+    look = scene(size=32)
+    out, light = bake(look), tmp_path / "light.exr"
+    shutil.copy(out / "irradiance.exr", light)
+    uncounted = "incidence, beam, curvature, diffuse_profile left out and not counted"
+    assert uncounted not in open_bake(out).verdict
+    capsys.readouterr()
+    assert run(["diffuse", str(look), str(light), "--out", str(tmp_path / "given")]) == 0
+    assert "but fit and model (`skinbake truth`), and for the terms without directions" in capsys.readouterr().err
+    assert run(["info", str(tmp_path / "given")]) == 0
+    assert f"beside   {uncounted}, as the light was given without directions" in capsys.readouterr().out
+    assert uncounted in open_bake(tmp_path / "given").verdict
 
 
 def test_any_irradiance_exr_can_be_diffused(scene, tmp_path):

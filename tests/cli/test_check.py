@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skinbake.cli import run
+from skinbake.cli.check import readable
 from skinbake.cli.child_process import in_child
 from skinbake.cli.measuring import own_peak_mib
 from skinbake.io.mesh import write_obj
@@ -45,6 +46,7 @@ def test_the_report_of_a_quad_is_what_geometry_says(tmp_path, capsys):
     sigmas = [lobe["sigma_texels"] for lobe in report["lobes"]]
     np.testing.assert_allclose(sigmas, np.sqrt([0.05, 2.0]) / texel, rtol=1e-2)
     assert report["faults"] == []
+    assert "), 95 % stretch of UV 2.00\n" in readable(report)
     assert set(report["expected"]) == {"memory_mib", "seconds", "irradiance_mib", "lobes_mib"}
     assert not (tmp_path / "out").exists()
 

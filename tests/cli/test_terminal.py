@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -122,3 +123,17 @@ os.execv(sys.executable, python + ["export", {str(folder)!r}, "--sum", "--to", {
     assert found.returncode == 0, found.stderr
     assert (tmp_path / "to" / "sum.exr").is_file()
     assert bool(found.stdout) == (1 not in closed)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("long", [False, True])
+def test_what_cannot_be_printed_is_a_fault_of_stdout(report, unbuffered, long):
+    """Of a text that fits into a buffer, too, which is written when all is done."""
+    verb = ["schema"] if long else ["info", str(report)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": unbuffered}
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "skinbake", *verb]
+        done = subprocess.run(command, env=environment, stdout=full, stderr=subprocess.PIPE, check=False)
+    assert done.returncode == 3
+    assert done.stderr.decode().startswith("skinbake: stdout: No space left")

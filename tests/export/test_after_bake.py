@@ -150,3 +150,18 @@ def test_a_look_may_ask_for_every_kind_of_export():
     schema = look_schema([])["$defs"]["OutputSpec"]["properties"]["export"]
     for value, taken in (("web", True), (["sum", "web"], True), ("maya", False), (["maya"], False)):
         assert jsonschema.Draft202012Validator(schema).is_valid(value) == taken
+
+
+def test_an_export_that_cannot_be_is_refused_before_the_bake(bake, look, tmp_path, capsys):
+    """Oil of varying reflectance in Blender: nothing is baked, and a batch that is only planned says so."""
+    oil = f"maps.f0={bake.parent / 'rough.png'}"
+    look("output.export=[sum, blender]", oil, "terms.energy_conservation=on", code=2)
+    assert "expected oil of one specular.f0, got maps.f0" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "bake.json").exists()
+    (bake.parent / "oily.yaml").write_text(
+        "defaults: {base: me.yaml, output: {dir: oily, export: [blender]}, terms: {energy_conservation: on}}\n"
+        "jobs: [{name: oil, maps: {f0: rough.png}}]\n"
+    )
+    assert run(["batch", str(bake.parent / "oily.yaml"), "--no-preview", "--dry-run"]) == 1
+    assert "cannot be baked: export --blender: expected oil of one specular.f0" in capsys.readouterr().out
+    assert "sum.exr" in look("output.export=[sum, blender]", oil, "terms.energy_conservation=off")

@@ -7,7 +7,7 @@ import OpenImageIO as oiio
 import pytest
 
 from skinbake.errors import InputError
-from skinbake.io.environment import read_environments
+from skinbake.io.environment import read_environments, read_sky
 from skinbake.scene.lights import EnvironmentLight
 from tests.images import ACES_AP1, radiance_file, save, ultra_hdr
 
@@ -47,6 +47,8 @@ def test_infinite_suns_are_clamped_where_asked(tmp_path):
         InputError, match=r"NaN or Inf in 1 texels, the first at column 4, row 3, channel G; `clamp:` of the light"
     ):
         read(path)
+    with pytest.raises(InputError, match=r"NaN or Inf in 1 texels, .*; limit what is infinite in the file"):
+        read_sky(path)  # of `preview --environment`: no look has it
     for most in (65504.0, 2000.0, 1e6):
         found = read(path, clamp=most)
         np.testing.assert_allclose(found[3, 4, 1], min(most, 65504))

@@ -2,8 +2,10 @@ import hashlib
 
 import numpy as np
 import OpenEXR
+import OpenImageIO as oiio
 import pytest
 
+from skinbake.cli import run
 from skinbake.errors import InputError
 from skinbake.io.exr import (
     Part,
@@ -186,3 +188,18 @@ def test_a_damaged_list_of_files_is_said(tmp_path, named):
         with pytest.raises(InputError, match=r"expected (names of files by part|other files|an EXR file)"):
             read(tmp_path / "a.exr")
     assert files_of(tmp_path / "a.exr")[0] == tmp_path / "a.exr"
+
+
+def test_a_shifted_data_window_is_no_other_image(tmp_path):
+    """The same pixels elsewhere: refused by name, not taken for those that lie at the origin."""
+    path = tmp_path / "shifted.exr"
+    spec = oiio.ImageSpec(6, 4, 3, oiio.FLOAT)
+    spec.x, spec.full_width, spec.full_height = 2, 8, 4
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec)
+    out.write_image(np.ones((4, 6, 3), np.float32))
+    out.close()
+    with pytest.raises(InputError, match=r"shifted\.exr: expected a data window equal to .*, got \(2, 0"):
+        read_parts(path)
+    write_parts(tmp_path / "plain.exr", [Part("", rgb_channels(np.ones((4, 6, 3), np.float32)))], precision="float")
+    assert run(["compare", str(path), str(tmp_path / "plain.exr")]) == 2

@@ -23,6 +23,7 @@ from skinbake.profile.entered_skin import EnteredSkin
 from skinbake.profile.skin_medium import SkinMedium, skin_medium
 from skinbake.profile.varying_skin import mean_skin
 from skinbake.relight.reuse import decide_reuse, reused_lights
+from skinbake.scene.decision import NO_DIRECTIONS
 from skinbake.scene.skin import SkinSpec
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ class DiffuseStage(Stage[DiffuseMap, DiffuseMap]):
     def _entered(self, gaussians: GaussianSum, skin: SkinSpec) -> EnteredSkin:
         """A skin as light enters it, as far as the directions of light are known."""
         given = self._irradiance.light_keys is None
-        medium = SkinMedium(why="the irradiance was given, and with it no directions") if given else skin_medium(skin)
+        medium = SkinMedium(why=NO_DIRECTIONS) if given else skin_medium(skin)
         return entered_skin(gaussians, medium, self._inputs.spec.terms, self._say)
 
     @property
