@@ -322,7 +322,7 @@ def test_more_rays_are_taken_where_the_tolerance_wants_them_and_what_they_leave_
 
     exact, least, most = through(TransmissionSwitch("on", 1e-4, 1e-6))
     few, said, fewest = through(TransmissionSwitch("on", 0.5, 1.0))
-    more, less, between = through(TransmissionSwitch("on", 0.01, said / 2))
+    more, less, between = through(TransmissionSwitch("on", 0.01, said))
     assert (fewest, most) == (AROUND[0], AROUND[-1])
     assert fewest < between < most
     assert 0 < least < less <= 0.55 * said  # the first look is at few texels

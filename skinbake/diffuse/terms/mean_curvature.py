@@ -16,7 +16,7 @@ from skinbake.scene.mesh import SkinMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-MOST_STEPS, CLOSE_ENOUGH = 1000, 3e-4  # of the iteration; residual (rms) in units of the smoothing's length
+MOST_STEPS, CLOSE_ENOUGH = 300, 3e-4  # of the iteration; residual (rms) in units of the smoothing's length
 
 
 def mean_curvature(mesh: SkinMesh, smoothing_mm: Sequence[float] | Float) -> Float:

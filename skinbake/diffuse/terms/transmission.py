@@ -39,7 +39,8 @@ Image = NDArray[np.float32]
 Index = NDArray[np.int64]
 STEEPEST = 0.1  # least cosine at which a ray leaves, of what the lobes carry themselves
 SAMPLED = 256  # rows or columns of texels, of which the mean reflected light is taken
-LEAST_LEFT = 0.25  # of the tolerance that noise may take, even where nothing is left of it
+LEFT_SHARE = 0.5  # of what is left of the tolerance that noise may take: light that skin sends on comes after it
+LEAST_LEFT = 0.15  # of the tolerance that it may take even where nothing is left
 WORTH = 5.0  # tolerances of the mean radiance that part must reach
 PLAIN = 0.8  # of what may be left out: few texels come within 0.04 of what all say
 
@@ -99,7 +100,8 @@ def look_behind(
     if not line.enabled:
         return None, line
     through = line.error / noise_of_rays(1.0, few.around)
-    return ThinParts.of(skin, around=rays_for(through, max(switch.limit, LEAST_LEFT * switch.tolerance))), line
+    noise = max(LEFT_SHARE * switch.limit, LEAST_LEFT * switch.tolerance)
+    return ThinParts.of(skin, around=rays_for(through, noise)), line
 
 
 def transmit(
