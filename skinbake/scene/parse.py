@@ -58,7 +58,7 @@ def parse(kind: Any, mapping: Any, say: Callable[[Key, str], str], context: Mapp
 def _taken_for_1(given: Any, made: Any, key: Key = ()) -> Iterator[tuple[Key, bool]]:
     """Keys of `true`, `on`, `false` ... that became numbers, as they do to pydantic, and these.
 
-    Where nothing is left of one, its number has gone to another key, as a look's `tolerance` does.
+    Where None is left of one, its number has gone to another key, as a look's `tolerance` does.
     """
     if isinstance(given, bool):
         if made is None or (isinstance(made, int | float) and not isinstance(made, bool)):
@@ -66,7 +66,7 @@ def _taken_for_1(given: Any, made: Any, key: Key = ()) -> Iterator[tuple[Key, bo
     elif isinstance(given, Mapping) and isinstance(made, BaseModel | Mapping):
         below = made if isinstance(made, Mapping) else dict(made)
         for name in given:
-            yield from _taken_for_1(given[name], below.get(name), (*key, name))
+            yield from _taken_for_1(given[name], below.get(name, given[name]), (*key, name))
     elif isinstance(given, list | tuple) and isinstance(made, list | tuple):
         for i, (one, other) in enumerate(zip(given, made, strict=False)):
             yield from _taken_for_1(one, other, (*key, i))
