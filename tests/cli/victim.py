@@ -58,13 +58,13 @@ def child(command: dict, counter: int, said: str) -> None:
 def load() -> None:
     """Bake something else in memory, so that no child has to load kernels.
 
-    Children, too, stamp plots and judge light that comes later by few lights. No file is written: OpenEXR's threads,
-    which a child would wait for, begin with the first.
+    Children, too, stamp plots, which nobody's cache keeps, and judge light that comes later by few lights. No file is
+    written: OpenEXR's threads, which a child would wait for, begin with the first.
     """
     import skinbake
     import skinbake.baking.bake_look
     import skinbake.cli.preview
-    from skinbake.baking import session
+    from skinbake.baking import kept_fit, session
     from skinbake.io import profile_plot
     from skinbake.io.mesh import write_obj
     from skinbake.relight import transfer
@@ -73,6 +73,7 @@ def load() -> None:
     from tests.shapes import relief
 
     profile_plot.write_fit_plot = stamp_fit_plot
+    kept_fit.user_cache = lambda: None  # or a user's bakes would find the stamps there
     transfer.unseen_lights = lambda seed: few_lights(seed)[2:]  # no sky, which takes longest
     with tempfile.TemporaryDirectory() as folder:
         write_obj(Path(folder, "mesh.obj"), relief(segments=4))
