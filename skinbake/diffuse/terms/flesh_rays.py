@@ -17,7 +17,7 @@ Image = NDArray[np.float32]
 WIDEST = 0.1  # least cosine: rays that graze meet the point's own side
 RINGS = 3  # three cosines make slabs of all thicknesses right to 2 %
 AROUND = 5, 7, 10, 14, 20  # rays at each, the fewest that hold the noise down
-NOISE, FADES = 0.16, 1.35  # of light that the fewest bring (rms), and its power of how many times as many there are
+NOISE, FADES = 0.12, 1.3  # of light that the fewest bring (rms), and its power of how many times as many there are
 TERMS = 5
 
 
