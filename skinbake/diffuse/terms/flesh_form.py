@@ -40,8 +40,8 @@ def decay_below(mesh: SkinMesh, kappa_per_mm: Float) -> Float:
     place[order] = np.arange(len(order))
     elements = Elements(elements.corner[order], elements.bend[order], elements.face[order])
     mine = np.sort(place[receiving])  # neighbours together
-    run = -(-len(mine) // RECEIVERS) or 1  # of larger meshes one stands for several
-    few = mine[min(run // 2, max(len(mine) - 1, 0)) :: run]
+    run = -(-len(mine) // RECEIVERS)  # of meshes of more faces one stands for several
+    few = mine[run // 2 :: run]
     found = np.empty((len(few), len(kappa)))
     parallel_for(decay_at, len(few), few, elements, _groups(elements.corner), kappa, found)
     each = found[np.minimum(np.arange(len(mine)) // run, len(few) - 1)]
@@ -49,11 +49,11 @@ def decay_below(mesh: SkinMesh, kappa_per_mm: Float) -> Float:
     face, area, count = elements.face[mine], mesh.face_area_mm2, len(mesh.positions_mm)
     parts = np.bincount(face, minlength=len(area))
     weight = np.bincount(mesh.faces.ravel(), np.repeat(area, 3), count)
-    rate = np.tile(kappa, (count, 1))
+    rate = np.empty((count, len(kappa)))
     for c in range(len(kappa)):
         of_face = area * safe_div(np.bincount(face, each[:, c], len(area)), parts)
         total = np.bincount(mesh.faces.ravel(), np.repeat(of_face, 3), count)
-        rate[weight > 0, c] = (total / np.maximum(weight, TINY))[weight > 0]
+        rate[:, c] = np.where(weight > 0, safe_div(total, weight), kappa[c])
     return rate
 
 
@@ -70,10 +70,8 @@ def _receiving(face: NDArray[np.int64], faces: int) -> NDArray[np.int64]:
     _, first, count = np.unique(face[mine], return_index=True, return_counts=True)
     most = min(max(RECEIVERS // max(faces, 1), 1), MOST_OF_FACE)
     taken = np.minimum(count, most)
-    chosen = [
-        mine[(first + count * (2 * k + 1) // (2 * np.maximum(taken, 1)))[taken > k]] for k in range(int(taken.max()))
-    ]
-    return np.concatenate(chosen)
+    chosen = [(first + count * (2 * k + 1) // (2 * taken))[taken > k] for k in range(int(taken.max()))]
+    return mine[np.concatenate(chosen)]
 
 
 def _elements(mesh: SkinMesh, side_mm: float, beyond_mm: float) -> Elements:

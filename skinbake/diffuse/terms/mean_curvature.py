@@ -55,7 +55,7 @@ def _smoothed(between: csr_matrix, area: Float, positions: Float, length_mm: flo
     time = length_mm**2 / 2
     diagonal = area + time * np.asarray(between.sum(axis=1)).ravel()
     heat = _Heat(between.indptr, between.indices, between.data, diagonal, time)
-    inverse = np.where(diagonal > 0, safe_div(np.ones_like(diagonal), diagonal), 0)[:, None]
+    inverse = safe_div(np.ones_like(diagonal), diagonal)[:, None]
     moved, changed = positions.copy(), np.empty_like(positions)
     parallel_for(_apply, len(positions), heat, moved, changed)
     left = area[:, None] * positions - changed
